@@ -22,7 +22,8 @@ class ActionServer:
         # exact one in real and in simulated time, and nothing is polled.
         self.wake = get_rostime_cond()
         self.shutting_down = False
-        rospy.Subscriber("wash_dishes_as/goal", WashTheDishesActionGoal, self.warn_of_repeated_id)
+        rospy.Subscriber(
+            rospy.remap_name("wash_dishes_as") + "/goal", WashTheDishesActionGoal, self.warn_of_repeated_id)
         self.a_server = actionlib.SimpleActionServer(
             "wash_dishes_as", WashTheDishesAction, execute_cb=self.execute_cb, auto_start=False)
         self.a_server.register_preempt_callback(self.wake_up)
@@ -42,25 +43,29 @@ class ActionServer:
 
     def wash(self, number_of_minutes):
         """Wash number_of_minutes bowls (int, 0 or more) from now on and end the goal with those that were named."""
-        if number_of_minutes < 0:
-            self.end("ABORTED", [], "number_of_minutes is %d, allowed is 0 or more" % number_of_minutes)
-            return
-        rospy.loginfo("goal accepted: %d bowls to wash", number_of_minutes)
-        bowls = []
-        due = rospy.Time.now()
+        bowls, due = [], rospy.Time.now()
+        rospy.loginfo("goal accepted: number_of_minutes %d", number_of_minutes)
         while len(bowls) < number_of_minutes and not self.must_stop():
             bowls.append("bowl-%d" % len(bowls))
             self.a_server.publish_feedback(WashTheDishesFeedback(last_dish_washed=bowls[-1]))
             due = self.wait_for_next_bowl(due)
-        progress = "%d of %d bowls washed" % (len(bowls), number_of_minutes)
+        end_goal, why = self.ending(number_of_minutes)
+        text = "%s; bowls washed: %d" % (why, len(bowls))
+        # Logged first: a client that answers the result at once finds the server waiting for its next goal.
+        rospy.loginfo("goal ended: %s", text)
+        end_goal(WashTheDishesResult(dishes_washed=bowls), text)
+
+    def ending(self, number_of_minutes):
+        """Returns how the goal ends (a function) and why (str)."""
+        if number_of_minutes < 0:
+            return self.a_server.set_aborted, "number_of_minutes is %d, allowed is 0 or more" % number_of_minutes
         if self.shutting_down:
-            self.end("ABORTED", bowls, "the server is shutting down, " + progress)
-        elif self.a_server.is_new_goal_available():
-            self.end("PREEMPTED", bowls, "a newer goal came, " + progress)
-        elif self.a_server.is_preempt_requested():
-            self.end("PREEMPTED", bowls, "cancelled, " + progress)
-        else:
-            self.end("SUCCEEDED", bowls, progress)
+            return self.a_server.set_aborted, "the server is shutting down"
+        if self.a_server.is_new_goal_available():
+            return self.a_server.set_preempted, "a newer goal came"
+        if self.a_server.is_preempt_requested():
+            return self.a_server.set_preempted, "cancelled"
+        return self.a_server.set_succeeded, "all done"
 
     def wait_for_next_bowl(self, begun):
         """Wait until a BOWL after begun (rospy.Time) or a request to stop. Returns the time waited for: counting from
@@ -84,13 +89,6 @@ class ActionServer:
     def wake_up(self):
         with self.wake:
             self.wake.notify_all()
-
-    def end(self, state, bowls, text):
-        """End the goal; the log comes first, so that a client that answers at once finds the server waiting."""
-        rospy.loginfo("goal %s: %s", state, text)
-        set_state = {"SUCCEEDED": self.a_server.set_succeeded, "PREEMPTED": self.a_server.set_preempted,
-                     "ABORTED": self.a_server.set_aborted}[state]
-        set_state(WashTheDishesResult(dishes_washed=bowls), text)
 
     def shut_down(self):
         """End the goal while messages still go out (at most 1 s), then let rospy close the node."""
