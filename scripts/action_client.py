@@ -61,7 +61,7 @@ def wait_for(what, is_there, timeout):
     """Wait until is_there() and say so every 5 s. Raises rospy.ROSException after timeout s (0: never), on shutdown."""
     begun = time.monotonic()
     say_next = begun + 5
-    while not is_there():
+    while not is_there() and not rospy.is_shutdown():
         now = time.monotonic()
         if 0 < timeout <= now - begun:
             raise rospy.ROSException("no %s within %g s (~server_timeout)" % (what, timeout))
@@ -145,22 +145,27 @@ def command_line():
     return {name: checked(name, value) for name, value in given.items()}
 
 
+def interrupt(*_):
+    """Ctrl-C. rospy's own handler calls the master from the main thread, which may be in the midst of a call to it,
+    and so would wait for itself for ever."""
+    threading.Thread(target=rospy.signal_shutdown, args=["interrupted"]).start()
+
+
 def main():
     """Returns the exit status."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # like Ctrl-C, until rospy takes over both
+    signal.signal(signal.SIGINT, interrupt)
+    signal.signal(signal.SIGTERM, interrupt)
     try:
         given = command_line()
         # init_node waits for the master, too, but says so on stdout.
         wait_for("master " + rosgraph.get_master_uri(), rosgraph.is_master_online, given.get("server_timeout", 0))
-        rospy.init_node("action_client")
+        rospy.init_node("action_client", disable_signals=True)
         return call_server()
     except ValueError as error:
         rospy.logfatal(error)
         return 2
     except rospy.ROSException as error:
         rospy.logerr(error)
-        return 1
-    except KeyboardInterrupt:  # before rospy took over
         return 1
 
 

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """The action server: washes one bowl a second, tells of each, and stops the moment it is asked to."""
+import signal
 import threading
 import time
 
@@ -132,9 +133,17 @@ class ActionServer:
         tcp_server.inbound_handler = lambda *peer: threading.Thread(target=handle, args=peer, daemon=True).start()
 
 
+def interrupt(*_):
+    """Ctrl-C. rospy's own handler calls the master from the main thread, which may be in the midst of a call to it,
+    and so would wait for itself for ever."""
+    threading.Thread(target=rospy.signal_shutdown, args=["interrupted"]).start()
+
+
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, interrupt)
+    signal.signal(signal.SIGTERM, interrupt)
     try:
-        rospy.init_node("action_server")
+        rospy.init_node("action_server", disable_signals=True)
         ActionServer()
         rospy.spin()
     except rospy.ROSException:  # shut down before it was up
