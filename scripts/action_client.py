@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """The action client: sends one goal, prints feedback and result, and never waits for a server that is gone.
 
 Exit status: 0 SUCCEEDED; 1 any other ending; 2 a parameter of the wrong type or out of its range.

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """The action server: washes one bowl a second, tells of each, and stops the moment it is asked to."""
 import signal
 import threading

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """The service to compare the action with: one call, one answer, and the caller waits for it."""
 import struct
 
