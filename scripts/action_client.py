@@ -105,9 +105,11 @@ def cancel(client, done):
     watchdog = threading.Timer(1.8, os._exit, [int(client.get_state() != GoalStatus.SUCCEEDED)])
     watchdog.daemon = True
     watchdog.start()
+    limit = time.monotonic() + 1
+    while not client.gh and time.monotonic() < limit:
+        time.sleep(0.001)  # send_goal is still at it
     if not done.is_set():
         client.cancel_goal()
-    limit = time.monotonic() + 1
     while not done.is_set() and time.monotonic() < limit:
         time.sleep(0.01)
 

@@ -1,0 +1,121 @@
+#!/usr/bin/python3
+"""A cancel or a newer goal ends a goal at once, at any moment of it, with the bowls washed so far.
+
+The clock stands still while these tests wait: a server that looks for a cancel now and then would never answer.
+"""
+import rostest
+import rospy
+
+from probe import ACTIVE, PREEMPTED, RECALLED, SUCCEEDED, bowls
+from server_case import ServerCase
+
+
+class TestPreempt(ServerCase):
+
+    def check_cancel(self, **cancel):
+        goal_id = self.probe.send(5)
+        self.wash(goal_id, 3)
+        self.clock.turn(0.5, self.probe)
+        self.probe.cancel(**cancel or {"goal_id": goal_id})
+        self.check_ending(goal_id, PREEMPTED, bowls(3))
+
+    def test_cancel_of_the_goal(self):
+        self.check_cancel()
+
+    def test_cancel_of_all_goals(self):
+        self.check_cancel(goal_id="")
+
+    def test_cancel_of_goals_before_a_stamp(self):
+        self.check_cancel(stamp=self.clock.now + rospy.Duration(1))
+        self.clock.turn(2, self.probe)  # goals up to that stamp stay cancelled
+
+    def test_cancel_of_goals_before_an_earlier_stamp_leaves_the_goal_alone(self):
+        goal_id = self.probe.send(2)
+        self.wash(goal_id, 1)
+        self.probe.cancel(stamp=self.clock.now - rospy.Duration(1))
+        self.clock.turn(1, self.probe)
+        self.probe.wait_bowls(goal_id, 2)
+        self.clock.turn(1, self.probe)
+        self.check_ending(goal_id, SUCCEEDED, bowls(2))
+
+    def test_cancel_in_the_first_instant(self):
+        goal_id = self.probe.send(5)
+        self.probe.cancel(goal_id)
+        result = self.probe.wait_result(goal_id)
+        washed = result.result.dishes_washed
+        self.assertIn((result.status.status, washed), [
+            (RECALLED, []), (PREEMPTED, []), (PREEMPTED, bowls(1))], str(self.probe))
+        self.probe.wait(lambda: self.probe.bowls_of(goal_id) == washed, "feedback of %s" % washed)
+
+    def test_cancel_before_the_goal_itself_comes(self):
+        goal_id = "early"
+        self.probe.cancel(goal_id)
+        self.probe.wait(lambda: self.clock.turn(0.25) or goal_id in self.probe.states, "the cancel to be kept")
+        self.probe.send(5, goal_id=goal_id)
+        self.assertEqual(RECALLED, self.probe.wait_result(goal_id).status.status)
+
+    def test_cancel_in_the_last_second(self):
+        goal_id = self.probe.send(3)
+        self.wash(goal_id, 3)
+        self.clock.turn(0.999, self.probe)
+        self.probe.cancel(goal_id)
+        self.check_ending(goal_id, PREEMPTED, bowls(3))
+
+    def test_cancel_twice(self):
+        goal_id = self.probe.send(3)
+        self.wash(goal_id, 2)
+        self.probe.cancel(goal_id)
+        self.probe.cancel(goal_id)
+        self.check_ending(goal_id, PREEMPTED, bowls(2))
+        self.check_ending(self.probe.send(0), SUCCEEDED, [])
+        self.check_ending(goal_id, PREEMPTED, bowls(2))
+
+    def test_cancel_of_an_ended_or_unknown_goal_changes_nothing(self):
+        ended = self.probe.send(0)
+        self.check_ending(ended, SUCCEEDED, [])
+        goal_id = self.probe.send(2)
+        self.wash(goal_id, 1)
+        self.probe.cancel(ended)
+        self.probe.cancel("nobody's")
+        self.clock.turn(1, self.probe)
+        self.probe.wait_bowls(goal_id, 2)
+        self.clock.turn(1, self.probe)
+        self.check_ending(goal_id, SUCCEEDED, bowls(2))
+        self.check_ending(ended, SUCCEEDED, [])
+
+    def test_newer_goal_takes_over_at_once(self):
+        older = self.probe.send(5)
+        self.wash(older, 2)
+        newer = self.probe.send(1)
+        self.probe.wait_bowls(newer, 1)  # with the clock standing still
+        result = self.check_ending(older, PREEMPTED, bowls(2))
+        self.assertIn("newer goal", result.status.text)
+        self.assertIn(ACTIVE, self.probe.states[newer])
+        self.clock.turn(1, self.probe)
+        self.check_ending(newer, SUCCEEDED, bowls(1))
+        self.assertEqual(1, self.probe.active_at_once, "goals ACTIVE at once")
+
+    def test_newer_goal_in_the_last_second(self):
+        older = self.probe.send(1)
+        self.wash(older, 1)
+        self.clock.turn(0.999, self.probe)
+        newer = self.probe.send(0)
+        self.check_ending(older, PREEMPTED, bowls(1))
+        self.check_ending(newer, SUCCEEDED, [])
+
+    def test_newer_negative_goal_preempts_too(self):
+        older = self.probe.send(5)
+        self.wash(older, 1)
+        self.probe.wait_result(self.probe.send(-3))
+        self.check_ending(older, PREEMPTED, bowls(1))
+
+    def test_server_serves_on_after_a_cancel(self):
+        self.check_cancel()
+        goal_id = self.probe.send(2)
+        self.wash(goal_id, 2)
+        self.clock.turn(1, self.probe)
+        self.check_ending(goal_id, SUCCEEDED, bowls(2))
+
+
+if __name__ == "__main__":
+    rostest.rosrun("actions_tutorial", "preempt", TestPreempt)
