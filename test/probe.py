@@ -55,7 +55,7 @@ class Probe:
         """Send a cancel: of one goal, of all (no id, no stamp), or of all up to stamp."""
         self._cancel.publish(GoalID(id=goal_id, stamp=stamp))
 
-    def wait(self, condition, what, timeout=30):
+    def wait(self, condition, what, timeout=20):
         """Wait until condition() is true. AssertionError with what (str) and all that came, after timeout (s)."""
         begun = time.monotonic()
         with self.news:
