@@ -14,6 +14,7 @@ import rosgraph
 import rospy
 from actionlib_msgs.msg import GoalStatus, GoalStatusArray
 from rospy.client import load_command_line_node_params
+from rospy.impl.paramserver import get_param_server_cache
 
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
 
@@ -147,6 +148,16 @@ def command_line():
     return {name: checked(name, value) for name, value in given.items()}
 
 
+def log_without_the_master():
+    """rospy asks the master at each line of log whether to list the node's topics with it; say now that it need not.
+
+    A master that does not answer would stop the node. And when a newer node takes our name, the question of our last
+    line takes it back: the master shuts down the newer one, too.
+    """
+    key = "/rosout_disable_topics_generation"
+    get_param_server_cache().set(key, rospy.get_param(key, False))
+
+
 def interrupt(*_):
     """Ctrl-C. rospy's own handler calls the master from the main thread, which may be in the midst of a call to it,
     and so would wait for itself for ever."""
@@ -162,6 +173,7 @@ def main():
         # init_node waits for the master, too, but says so on stdout.
         wait_for("master " + rosgraph.get_master_uri(), rosgraph.is_master_online, given.get("server_timeout", 0))
         rospy.init_node("action_client", disable_signals=True)
+        log_without_the_master()
         return call_server()
     except ValueError as error:
         rospy.logfatal(error)

@@ -6,6 +6,7 @@ import time
 
 import actionlib
 import rospy
+from rospy.impl.paramserver import get_param_server_cache
 from rospy.impl.tcpros_base import init_tcpros_server
 from rospy.rostime import get_rostime_cond, is_wallclock
 
@@ -133,6 +134,16 @@ class ActionServer:
         tcp_server.inbound_handler = lambda *peer: threading.Thread(target=handle, args=peer, daemon=True).start()
 
 
+def log_without_the_master():
+    """rospy asks the master at each line of log whether to list the node's topics with it; say now that it need not.
+
+    A master that does not answer would stop the node. And when a newer node takes our name, the question of our last
+    line takes it back: the master shuts down the newer one, too.
+    """
+    key = "/rosout_disable_topics_generation"
+    get_param_server_cache().set(key, rospy.get_param(key, False))
+
+
 def interrupt(*_):
     """Ctrl-C. rospy's own handler calls the master from the main thread, which may be in the midst of a call to it,
     and so would wait for itself for ever."""
@@ -144,6 +155,7 @@ if __name__ == "__main__":
     signal.signal(signal.SIGTERM, interrupt)
     try:
         rospy.init_node("action_server", disable_signals=True)
+        log_without_the_master()
         ActionServer()
         rospy.spin()
     except rospy.ROSException:  # shut down before it was up
