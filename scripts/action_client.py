@@ -43,8 +43,10 @@ def call_server():
 
     done = threading.Event()
     rospy.on_shutdown(lambda: cancel(client, done))
-    client.send_goal(WashTheDishesGoal(number_of_minutes=minutes),
-                     done_cb=lambda state, result: done.set(), feedback_cb=feedback_cb)
+    # An answer that comes before send_goal has returned would be dropped as one to another goal: it waits for the lock.
+    with client.action_client.manager.list_mutex:
+        client.send_goal(WashTheDishesGoal(number_of_minutes=minutes),
+                         done_cb=lambda state, result: done.set(), feedback_cb=feedback_cb)
     wait_for_result(client, done, heartbeat_timeout)
 
     state, result = client.get_state(), client.get_result()
@@ -80,11 +82,13 @@ def wait_for_result(client, done, heartbeat_timeout):
     A server lists its goals in its status messages, five times a second. One that does not list ours is gone, is
     another one, or never got the goal; SimpleActionClient would wait for ever.
     """
-    goal_id = client.gh.comm_state_machine.action_goal.goal_id.id
+    action_goal = client.gh.comm_state_machine.action_goal
+    goal_id = action_goal.goal_id.id
     heard = threading.Event()
     rospy.Subscriber(rospy.remap_name("wash_dishes_as") + "/status", GoalStatusArray, lambda msg: goal_id in [
         status.goal_id.id for status in msg.status_list] and heard.set())
     silence, ros, wall = 0.0, rospy.get_time(), time.monotonic()
+    sent = wall
     while not done.wait(0.1) and not rospy.is_shutdown():
         ros_before, wall_before, ros, wall = ros, wall, rospy.get_time(), time.monotonic()
         # What counts is time that passed on both clocks, so neither a paused simulation nor a jump of its clock is
@@ -93,6 +97,10 @@ def wait_for_result(client, done, heartbeat_timeout):
         if heard.is_set():
             heard.clear()
             silence = 0.0
+        if client.gh.get_comm_state() == actionlib.CommState.WAITING_FOR_GOAL_ACK and wall - sent > 1:
+            # rospy may connect twice, and drops what was sent by then; a goal's id makes a repeat harmless.
+            client.action_client.pub_goal.publish(action_goal)
+            sent = wall
         if silence > heartbeat_timeout:
             client.cancel_goal()  # should the server only sleep
             done.set()
