@@ -138,9 +138,13 @@ class Master(Process):
         atexit.register(shutil.rmtree, self.home, ignore_errors=True)
         self.env = {"ROS_MASTER_URI": self.uri, "ROS_HOSTNAME": "localhost", "ROS_IP": "", "ROS_NAMESPACE": "",
                     "ROS_HOME": self.home, "ROS_LOG_DIR": os.path.join(self.home, "log")}
-        self.api = rosgraph.Master("/harness", self.uri)
         self._nodes = []
         self.start()
+
+    @property
+    def api(self):
+        """The master's API (rosgraph.Master), a new one each time: threads cannot share one."""
+        return rosgraph.Master("/harness", self.uri)
 
     def start(self):
         """Start the master, also again on the same port after kill()."""
