@@ -569,6 +569,8 @@ def measure(args, folder):
         threading.Thread(target=tell_progress, args=(benchmark, begun), daemon=True).start()
         benchmark.run()
     finally:
+        for number in signal.SIGINT, signal.SIGTERM:  # a second Ctrl-C would leave servers behind
+            signal.signal(number, signal.SIG_IGN)
         rospy.signal_shutdown("done")
         processes.stop(*reversed(processes.running))
     samples = benchmark.samples
@@ -591,7 +593,8 @@ def measure(args, folder):
 
 
 def main():
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for number in signal.SIGINT, signal.SIGTERM:  # also when a script started this in the background
+        signal.signal(number, signal.default_int_handler)
     folder = tempfile.mkdtemp(prefix="benchmark-")
     os.environ.update(ROS_HOME=folder, ROS_LOG_DIR=folder, MPLCONFIGDIR=folder)
     try:
