@@ -110,10 +110,6 @@ def wait_for_result(client, done, heartbeat_timeout):
 
 def cancel(client, done):
     """On shutdown: cancel our goal, no other, and wait up to 1 s for its ending while messages still go in and out."""
-    # Closing the node asks the master: one that is out of reach must not keep the process.
-    watchdog = threading.Timer(1.8, os._exit, [int(client.get_state() != GoalStatus.SUCCEEDED)])
-    watchdog.daemon = True
-    watchdog.start()
     limit = time.monotonic() + 1
     while not client.gh and time.monotonic() < limit:
         time.sleep(0.001)  # send_goal is still at it
@@ -170,6 +166,14 @@ def interrupt(*_):
     """Ctrl-C. rospy's own handler calls the master from the main thread, which may be in the midst of a call to it,
     and so would wait for itself for ever."""
     threading.Thread(target=rospy.signal_shutdown, args=["interrupted"]).start()
+    leave_within_2_s(1)
+
+
+def leave_within_2_s(status):
+    """Closing the node asks the master: one that does not answer must not keep the process."""
+    watchdog = threading.Timer(1.8, os._exit, [status])
+    watchdog.daemon = True
+    watchdog.start()
 
 
 def main():
@@ -193,5 +197,6 @@ def main():
 
 if __name__ == "__main__":
     status = main()
+    leave_within_2_s(status)
     rospy.signal_shutdown("done")
     sys.exit(status)

@@ -1,5 +1,6 @@
 #!/usr/bin/python3
 """The action server: washes one bowl a second, tells of each, and stops the moment it is asked to."""
+import os
 import signal
 import threading
 import time
@@ -148,6 +149,10 @@ def interrupt(*_):
     """Ctrl-C. rospy's own handler calls the master from the main thread, which may be in the midst of a call to it,
     and so would wait for itself for ever."""
     threading.Thread(target=rospy.signal_shutdown, args=["interrupted"]).start()
+    # Closing the node asks the master: one that does not answer must not keep the process.
+    watchdog = threading.Timer(1.8, os._exit, [0])
+    watchdog.daemon = True
+    watchdog.start()
 
 
 if __name__ == "__main__":
