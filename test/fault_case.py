@@ -8,7 +8,7 @@ import xmlrpc.client
 import rosgraph
 import rosnode
 import rospy
-from actionlib_msgs.msg import GoalID
+from actionlib_msgs.msg import GoalID, GoalStatusArray
 from actions_tutorial.msg import WashTheDishesActionFeedback, WashTheDishesActionGoal, WashTheDishesActionResult
 from harness import eventually
 
@@ -100,8 +100,14 @@ class Scene:
             for topic, kind, said in (("result", WashTheDishesActionResult, self.results),
                                       ("feedback", WashTheDishesActionFeedback, self.feedback),
                                       ("cancel", GoalID, self.cancels))]
+        self.ended = {}  # goal id: ending (int), as the status tells, too
+        self._subscribers.append(rospy.Subscriber(action + "status", GoalStatusArray, self._note_endings))
         self.goal = rospy.Publisher(action + "goal", WashTheDishesActionGoal, queue_size=1000)
         self.cancel = rospy.Publisher(action + "cancel", GoalID, queue_size=1000)
+
+    def _note_endings(self, message):
+        self.ended.update({status.goal_id.id: status.status for status in message.status_list
+                           if status.status in STATE.values()})
 
     def start(self, *command, **env):
         self.processes.append(self.master.process(*command, ROS_NAMESPACE=self.namespace, **env))
@@ -124,7 +130,7 @@ class Scene:
             _, _, connections = xmlrpc.client.ServerProxy(uri).getBusInfo("/watcher")
         except (rosgraph.MasterError, OSError):
             return False
-        heard = {topic.rpartition("/")[2] for _, to, way, _, topic, *_ in connections if (to, way) == ("/watcher", "o")}
+        heard = {topic.rpartition("/")[2] for _, to, way, _, topic, *_ in connections if (to, way) == (rospy.get_name(), "o")}
         return {"result", "feedback"} <= heard and self.goal.get_num_connections() and self.cancel.get_num_connections()
 
     def client(self, minutes, *arguments, **env):

@@ -41,7 +41,7 @@ SERVERS = {"ours": os.path.join(HERE, "..", "..", "scripts", "action_server.py")
 # their samples, goals in a row, and ended goals that may still be listed when something is measured.
 FULL = {"instances": {"ours": 3, "polling": 6, "floor": 1},
         "samples": {"ours": 52, "polling": 26, "floor": 200},
-        "starts": 5, "bowls": 60, "sizes": (100, 1000, 10000),
+        "starts": 7, "bowls": 60, "sizes": (100, 1000, 10000),
         "clients": (1, 10, 50), "client_samples": {"ours": 24, "polling": 12, "floor": 48}, "burst": 100,
         "listed": 2}
 QUICK = {"instances": {"ours": 2, "polling": 2, "floor": 1},
@@ -70,8 +70,8 @@ class Peer:
         self.on_feedback = None
         self.changed = threading.Condition()
         topic = namespace + "/wash_dishes_as/"
-        self.subscribers = [rospy.Subscriber(topic + "feedback", WashTheDishesActionFeedback, self.feedback_cb),
-                            rospy.Subscriber(topic + "result", WashTheDishesActionResult, self.result_cb)]
+        rospy.Subscriber(topic + "feedback", WashTheDishesActionFeedback, self.feedback_cb)
+        rospy.Subscriber(topic + "result", WashTheDishesActionResult, self.result_cb)
         rospy.Subscriber(topic + "status", GoalStatusArray, self.status_cb)
         self.goal = rospy.Publisher(topic + "goal", WashTheDishesActionGoal, queue_size=10)
         self.cancel = rospy.Publisher(topic + "cancel", GoalID, queue_size=10)
@@ -114,15 +114,26 @@ class Peer:
                     raise Failed("%s: no %s in %d s" % (self.namespace, what, timeout))
 
     def wait_until_up(self):
-        """Wait until messages go both ways; a server publishes its first status when it takes goals."""
+        """Wait until a goal sent now is served: a server publishes its first status when it takes goals."""
         if not self.is_floor:
             self.wait("first status", lambda: (None, "status") in self.times)
-        needed = [self.goal, self.subscribers[1]] + ([] if self.is_floor else [self.cancel, self.subscribers[0]])
         limit = time.monotonic() + TIMEOUT
-        while not all(end.get_num_connections() for end in needed):
+        while not self.goal.get_num_connections():
             if time.monotonic() > limit or self.process.poll() is not None:
                 raise Failed("%s does not connect" % self.namespace)
             time.sleep(0.001)
+
+    def wait_until_answered(self):
+        """Wait until results come back, too: rospy loses what a node publishes while it is being connected."""
+        self.wait_until_up()
+        limit = time.monotonic() + TIMEOUT
+        answered = False
+        while not answered:
+            goal_id, _ = self.send(0)
+            with self.changed:
+                answered = self.changed.wait_for(lambda: (goal_id, "result") in self.times, 1)
+            if time.monotonic() > limit:
+                raise Failed("%s does not answer" % self.namespace)
 
     def send(self, bowls):
         """Send a goal. Returns its id and the time just before."""
@@ -198,6 +209,7 @@ class Benchmark:
         self.lock = threading.Lock()
         self.turn = threading.Lock()  # held while something short is timed: one thing at a time
         self.peers = {}
+        self.now = rospy.Time()  # simulated
         self.clock = rospy.Publisher("/clock", Clock, latch=True, queue_size=10)
         self.random = random.Random(6)
 
@@ -243,7 +255,7 @@ class Benchmark:
             kind: [self.start(kind, i) for i in range(count)] for kind, count in self.plan["instances"].items()}
         for peers in self.peers.values():
             for peer in peers:
-                peer.wait_until_up()
+                peer.wait_until_answered()
 
     def quiet(self):
         self.stage = "waiting until the ended goals are forgotten"
@@ -297,10 +309,7 @@ class Benchmark:
     def cycle(self, kind, peer, count):
         for before, first, second in zip(self.phases(count), self.phases(count), self.phases(count)):
             if kind == "floor":
-                time.sleep(first / 2)
-                with self.turn:
-                    goal_id, sent = peer.send(1)
-                    self.add("ping", kind, peer.since(sent, goal_id, "result"))
+                self.ping(peer, first, "ping")
             else:
                 # An idle server's slowest clock is its status, every 0.2 s: the goal comes at any time within that.
                 time.sleep(before / 5)
@@ -318,6 +327,12 @@ class Benchmark:
                     self.add("cancel", kind, peer.since(sent, goal_id, "result"))
             yield
 
+    def ping(self, peer, phase, figure):
+        time.sleep(phase / 2)
+        with self.turn:
+            goal_id, sent = peer.send(1)
+            self.add(figure, "floor", peer.since(sent, goal_id, "result"))
+
     def turn_of(self, kind):
         """A polling server may take a second, for which nobody else is held up."""
         return contextlib.nullcontext() if kind == "polling" else self.turn
@@ -325,10 +340,7 @@ class Benchmark:
     def cancels(self, kind, peer, count, figure):
         for phase in self.phases(count):
             if kind == "floor":
-                time.sleep(phase / 2)
-                with self.turn:
-                    goal_id, sent = peer.send(1)
-                    self.add(figure, kind, peer.since(sent, goal_id, "result"))
+                self.ping(peer, phase, figure)
             else:
                 goal_id, sent = peer.send(1000)
                 peer.since(sent, goal_id, "bowl-0")
@@ -382,29 +394,43 @@ class Benchmark:
     def measure_simulated_time(self):
         """CPU of a bowl, on a clock that goes on by a second when the bowl of the last one is here."""
         self.stage = "starting the servers of the simulated time"
-        now = rospy.Time(1000)
-        self.clock.publish(now)
+        self.tick(1000)
         rospy.set_param("/use_sim_time", True)  # asked for when a node starts, and then no more
         peers = {kind: self.start(kind, "simulated") for kind in ("ours", "polling")}
         for peer in peers.values():
-            peer.wait_until_up()
+            peer.wait_until_answered()
+            peer.on_feedback = lambda: self.tick(1)
         rospy.delete_param("/use_sim_time")
         small, middle, large = self.plan["sizes"]
-        for size in [small] * 5 + [middle] + [large] + [middle] + [small] * 5:
-            for kind, peer in peers.items():
+        for turn, size in enumerate([small] * 5 + [middle] + [large] + [middle] + [small] * 5):
+            for kind in ("ours", "polling") if turn % 2 else ("polling", "ours"):
                 self.stage = "simulated time: %d bowls, %s" % (size, kind)
-                ticks = [now + rospy.Duration(i + 1) for i in range(size)]
-                upcoming = iter(ticks)
-                peer.on_feedback = lambda: self.clock.publish(next(upcoming))
+                peer = peers[kind]
                 before = peer.cpu()
-                self.count_goal(peer, size)
+                goal_id, _ = peer.send(size)
+                self.tick_until(lambda: (goal_id, "result") in peer.times, 30 + size / 50)
                 self.add("sim %d" % size, kind, (peer.cpu() - before) / size)
-                now = ticks[-1]
         self.processes.stop(*[peer.process for peer in peers.values()])
 
-    def count_goal(self, peer, size):
-        goal_id, sent = peer.send(size)
-        peer.since(sent, goal_id, "result", 30 + size / 50)
+    def tick(self, seconds):
+        with self.lock:
+            self.now += rospy.Duration(seconds)
+            self.clock.publish(self.now)
+
+    def tick_until(self, condition, timeout):
+        """Repeat the time while it stands still, as a simulator does: rospy.sleep() may miss a single tick, and would
+        then look at the clock again after 0.5 s. Should a feedback get lost, go on without it after a second."""
+        limit = time.monotonic() + timeout
+        moved = time.monotonic()
+        while not condition():
+            before = self.now
+            time.sleep(0.02)
+            if self.now != before:
+                moved = time.monotonic()
+            else:
+                self.tick(time.monotonic() > moved + 1)
+            if time.monotonic() > limit:
+                raise Failed("%s: not over in %d s" % (self.stage, timeout))
 
 
 def p99(values):
@@ -569,6 +595,8 @@ def measure(args, folder):
         threading.Thread(target=tell_progress, args=(benchmark, begun), daemon=True).start()
         benchmark.run()
     finally:
+        for number in signal.SIGINT, signal.SIGTERM:  # a second Ctrl-C would leave servers behind
+            signal.signal(number, signal.SIG_IGN)
         rospy.signal_shutdown("done")
         processes.stop(*reversed(processes.running))
     samples = benchmark.samples
@@ -591,7 +619,8 @@ def measure(args, folder):
 
 
 def main():
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for number in signal.SIGINT, signal.SIGTERM:  # also when a script started this in the background
+        signal.signal(number, signal.default_int_handler)
     folder = tempfile.mkdtemp(prefix="benchmark-")
     os.environ.update(ROS_HOME=folder, ROS_LOG_DIR=folder, MPLCONFIGDIR=folder)
     try:
