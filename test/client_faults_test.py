@@ -88,6 +88,17 @@ class ClientFaults(unittest.TestCase):
             self.assertIn("PREEMPTED", older.stderr, older)
             self.assertEqual(printed_bowls(newer), (bowls(2), bowls(2)), newer)
 
+    def test_second_client_with_the_same_name(self):
+        """ROS shuts the first one down; its last words must not take the name back."""
+        with Scene(self.master, "twin") as scene:
+            scene.server()
+            first = scene.client(60)
+            first.expect("bowl-1")
+            second = scene.client(3)
+            self.assertEqual(first.wait(), 1, first)
+            self.assertEqual(second.wait(), 0, second)
+            self.assertEqual(printed_bowls(second), (bowls(3), bowls(3)), second)
+
     def test_largest_goal_cancelled_after_3_s(self):
         with Scene(self.master, "largest") as scene:
             scene.server()

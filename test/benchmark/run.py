@@ -477,9 +477,10 @@ def figures(samples, plan):
         row("cpu_bowl_" + key, "CPU a bowl, simulated time, n = %d" % size, "ms", median, "sim %d" % size, 1e3)
     rows[-1].update(ratio=rows[-1]["ours"] / rows[-3]["ours"], ratio_to="n = %d" % small, goal=1.2)
     rows[-1]["met"] = rows[-1]["ratio"] <= rows[-1]["goal"]
-    row("goals_a_second", "goals of no bowls in a row", "1/s", rate, "burst", floor="burst", ratio_to="floor")
+    row("goals_a_second", "goals of no bowls in a row", "1/s", rate, "burst", floor="burst")
     row("goals_paused", "… of them held up by actionlib for 100 ms", "%", pauses, "burst", floor="burst")
-    row("start", "rosrun → first goal ACTIVE", "s", median, "start", ratio_to="polling")
+    # No ratio: rosrun looks twice for a node that has a devel-space relay, as ours has.
+    row("start", "rosrun → first goal ACTIVE", "s", median, "start")
     for step, clients in enumerate(plan["clients"]):
         row("cancel_result_clients_%d" % step, "cancel → result, %d client%s" % (clients, "s" * (clients > 1)), "ms",
             median, "clients %d" % step, 1e3, "clients %d" % step, "floor")
