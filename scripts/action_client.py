@@ -107,7 +107,7 @@ def main():
     """Returns the exit status."""
     try:
         given = parameters.from_command_line(PARAMETERS)
-        steady.init_node("action_client", timeout=given.get("server_timeout", 0))
+        steady.init_node("action_client", timeout=given.get("server_timeout", 0), interrupted=1)
         return call_server()
     except ValueError as error:
         rospy.logfatal(error)

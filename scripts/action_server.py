@@ -46,9 +46,8 @@ class ActionServer:
             due = self.wait_for_next_bowl(due)
         end_goal, why = self.ending(number_of_minutes)
         text = "%s; bowls washed: %d" % (why, len(bowls))
-        # Logged first: a client that answers the result at once finds the server waiting for its next goal.
-        rospy.loginfo("goal ended: %s", text)
         end_goal(WashTheDishesResult(dishes_washed=bowls), text)
+        rospy.loginfo("goal ended: %s", text)
 
     def wait_for_next_bowl(self, begun):
         """Wait until a BOWL after begun (rospy.Time) or a request to stop. Returns the time waited for: counting from

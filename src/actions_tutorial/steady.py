@@ -12,18 +12,36 @@ from rospy.impl.paramserver import get_param_server_cache
 from rospy.impl.tcpros_base import init_tcpros_server
 
 
-def init_node(name, timeout=0):
-    """Like rospy.init_node, for a node that ends when told to. Raises rospy.ROSException if there is no master within
-    timeout s (0: for ever), or on shutdown.
+def init_node(name, timeout=0, interrupted=0):
+    """Like rospy.init_node, for a node that ends within 2 s of SIGINT or SIGTERM, with exit status interrupted if it
+    cannot end by itself. Raises rospy.ROSException if there is no master within timeout s (0: for ever), on shutdown.
 
     rospy's signal handler calls the master from the main thread, which may be in the midst of a call to it and would
     wait for itself for ever: ours does so in a thread. And rospy says on stdout that it waits for the master.
     """
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: threading.Thread(target=rospy.signal_shutdown, args=["interrupted"]).start())
+    def shut_down(*_):
+        threading.Thread(target=rospy.signal_shutdown, args=["interrupted"]).start()
+        _end_by(1.8, interrupted)
+
+    signal.signal(signal.SIGINT, shut_down)
+    signal.signal(signal.SIGTERM, shut_down)
     wait_for("master " + rosgraph.get_master_uri(), rosgraph.is_master_online, timeout)
     rospy.init_node(name, disable_signals=True)
     _log_without_the_master()
+
+
+def leave(status):
+    """Close the node and end the process with status (int), within 2 s."""
+    _end_by(1.8, status)
+    rospy.signal_shutdown("done")
+    sys.exit(status)
+
+
+def _end_by(seconds, status):
+    """A node that closes tells the master, and waits for minutes for one that is out of reach: then it goes without."""
+    watchdog = threading.Timer(seconds, os._exit, [status])
+    watchdog.daemon = True
+    watchdog.start()
 
 
 def _log_without_the_master():
@@ -41,23 +59,13 @@ def wait_for(what, is_there, timeout=0):
     while not is_there() and not rospy.is_shutdown():
         now = time.monotonic()
         if 0 < timeout <= now - begun:
-            raise rospy.ROSException("no %s within %g s" % (what, timeout))
+            raise rospy.ROSException("no %s within %g s (~server_timeout)" % (what, timeout))
         if now >= say_next:
             rospy.logwarn("waiting for the %s, %.0f s so far", what, now - begun)
             say_next += 5
         time.sleep(0.02)
     if rospy.is_shutdown():
         raise rospy.ROSException("shut down while waiting for the %s" % what)
-
-
-def leave(status):
-    """Close the node and end the process with status (int). A node that closes tells the master, and would wait for
-    minutes for one that is out of reach: after 1.5 s it goes without."""
-    watchdog = threading.Timer(1.5, os._exit, [status])
-    watchdog.daemon = True
-    watchdog.start()
-    rospy.signal_shutdown("done")
-    sys.exit(status)
 
 
 # For servers
