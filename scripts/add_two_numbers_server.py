@@ -4,6 +4,7 @@ import struct
 
 import rospy
 
+from actions_tutorial import steady
 from actions_tutorial.srv import AddTwoNumbers, AddTwoNumbersResponse
 
 
@@ -20,9 +21,10 @@ def add_two_numbers(request):
 
 if __name__ == "__main__":
     try:
-        rospy.init_node("add_two_numbers_server")
+        steady.init_node("add_two_numbers_server")
         rospy.Service("add_two_numbers", AddTwoNumbers, add_two_numbers)
         rospy.loginfo("add_two_numbers waits for calls")
         rospy.spin()
     except rospy.ROSException:  # shut down before it was up
         pass
+    steady.leave(0)

@@ -1,0 +1,1 @@
+"""The Python modules that the nodes in scripts/ share."""
