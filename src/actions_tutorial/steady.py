@@ -1,4 +1,5 @@
 """Mends from outside what rospy 1.15 and actionlib 1.14 leave open; each function says what happens without it."""
+import logging
 import os
 import signal
 import sys
@@ -26,6 +27,7 @@ def init_node(name, timeout=0, interrupted=0):
     signal.signal(signal.SIGINT, shut_down)
     signal.signal(signal.SIGTERM, shut_down)
     wait_for("master " + rosgraph.get_master_uri(), rosgraph.is_master_online, timeout)
+    _log_without_the_disk()
     rospy.init_node(name, disable_signals=True)
     _log_without_the_master()
 
@@ -42,6 +44,18 @@ def _end_by(seconds, status):
     watchdog = threading.Timer(seconds, os._exit, [status])
     watchdog.daemon = True
     watchdog.start()
+
+
+def _log_without_the_disk():
+    """Once the disk for the log file is full, each line of log would cost a traceback. We say it once."""
+    said = set()
+
+    def handle_error(handler, _):
+        if handler not in said:
+            said.add(handler)
+            sys.stderr.write("cannot log to %s: %s\n" % (getattr(handler, "baseFilename", handler), sys.exc_info()[1]))
+
+    logging.Handler.handleError = handle_error
 
 
 def _log_without_the_master():
