@@ -33,7 +33,6 @@ class ActionServer:
         that actionlib 1.14 makes between two calls (ros/actionlib #212)."""
         while goal:
             self.wash(goal.number_of_minutes)
-            steady.forget_goal(self.a_server)
             goal = self.a_server.accept_new_goal() if self.a_server.is_new_goal_available() else None
 
     def wash(self, number_of_minutes):
@@ -44,9 +43,9 @@ class ActionServer:
             bowls.append("bowl-%d" % len(bowls))
             self.a_server.publish_feedback(WashTheDishesFeedback(last_dish_washed=bowls[-1]))
             due = self.wait_for_next_bowl(due)
-        end_goal, why = self.ending(number_of_minutes)
+        set_state, why = self.ending(number_of_minutes)
         text = "%s; bowls washed: %d" % (why, len(bowls))
-        end_goal(WashTheDishesResult(dishes_washed=bowls), text)
+        steady.end_goal(self.a_server, set_state, WashTheDishesResult(dishes_washed=bowls), text)
         rospy.loginfo("goal ended: %s", text)
 
     def wait_for_next_bowl(self, begun):

@@ -26,6 +26,7 @@ def init_node(name, timeout=0, interrupted=0):
 
     signal.signal(signal.SIGINT, shut_down)
     signal.signal(signal.SIGTERM, shut_down)
+    sys.stdout.reconfigure(line_buffering=True)  # or a pipe would get the log in lumps, hours later
     wait_for("master " + rosgraph.get_master_uri(), rosgraph.is_master_online, timeout)
     _log_without_the_disk()
     rospy.init_node(name, disable_signals=True)
@@ -109,10 +110,14 @@ def start(a_server, goal_type):
     tcp_server.inbound_handler = lambda *peer: threading.Thread(target=handle, args=peer, daemon=True).start()
 
 
-def forget_goal(a_server):
-    """Make an actionlib.SimpleActionServer forget the goal that has ended. It refuses goals with a stamp older than its
-    last one's: one stamp from the future, or a clock set back, and it would serve nobody any more."""
+def end_goal(a_server, set_state, result, text):
+    """End the goal of an actionlib.SimpleActionServer by one of its methods set_state, and make it forget the goal.
+
+    It refuses goals with a stamp older than its last one's, even when that has ended: after one stamp from the future,
+    or with a clock set back, it would serve nobody any more.
+    """
     with a_server.action_server.lock, a_server.lock:
+        set_state(result, text)
         if not a_server.is_new_goal_available():
             a_server.current_goal = a_server.next_goal = actionlib.ServerGoalHandle()
 
