@@ -130,7 +130,8 @@ class Scene:
             _, _, connections = xmlrpc.client.ServerProxy(uri).getBusInfo("/watcher")
         except (rosgraph.MasterError, OSError):
             return False
-        heard = {topic.rpartition("/")[2] for _, to, way, _, topic, *_ in connections if (to, way) == (rospy.get_name(), "o")}
+        me = rospy.get_name()
+        heard = {topic.rpartition("/")[2] for _, to, way, _, topic, *_ in connections if (to, way) == (me, "o")}
         return {"result", "feedback"} <= heard and self.goal.get_num_connections() and self.cancel.get_num_connections()
 
     def client(self, minutes, *arguments, **env):
