@@ -2,23 +2,13 @@
 """Clients that are interrupted, killed, started too early, or too many: no goal is lost, and nobody hangs."""
 import signal
 import time
-import unittest
 
 import rostest
-from fault_case import SLACK, STATE, Scene, assert_partial, bowls, concurrently, kill_node, printed_bowls, watch
-from harness import Master
+from fault_case import SLACK, STATE, FaultCase, Scene, assert_partial, bowls, concurrently, kill_node, printed_bowls
 
 
 @concurrently
-class ClientFaults(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.master = Master()
-        watch(cls.master)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.master.stop()
+class ClientFaults(FaultCase):
 
     def interrupted(self, name, interrupt):
         """A client that is interrupted cancels its goal, and no other."""

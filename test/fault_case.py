@@ -3,6 +3,7 @@ import functools
 import os
 import threading
 import time
+import unittest
 import xmlrpc.client
 
 import rosgraph
@@ -10,7 +11,7 @@ import rosnode
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatusArray
 from actions_tutorial.msg import WashTheDishesActionFeedback, WashTheDishesActionGoal, WashTheDishesActionResult
-from harness import eventually
+from harness import Master, eventually
 
 # s that a bound of the contract is exceeded by at most, because the clock here runs while a loaded machine starts
 # other interpreters on the same cores; a node that is really late hangs for ever, or is late by its own time-outs.
@@ -86,6 +87,19 @@ def assert_partial(case, client, at_least):
     case.assertEqual((named, result), (bowls(len(named)), bowls(len(result))), client)
     case.assertLessEqual(at_least, len(named), client)
     case.assertIn(len(result) - len(named), (0, 1), client)
+
+
+class FaultCase(unittest.TestCase):
+    """Tests on one master of their own (Master), each in a scene of its own."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.master = Master()
+        watch(cls.master)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.master.stop()
 
 
 class Scene:

@@ -4,14 +4,13 @@ import os
 import random
 import socket
 import struct
-import unittest
 import xmlrpc.client
 
 import rospy
 import rostest
 from actionlib_msgs.msg import GoalStatus
-from fault_case import STATE, Scene, bowls, concurrently, watch
-from harness import Master, eventually
+from fault_case import STATE, FaultCase, Scene, bowls, concurrently
+from harness import eventually
 
 AT_ONCE = 20  # connections of each kind to each port
 SEED = 4  # of the random bytes
@@ -34,15 +33,7 @@ def connect(port, data):
 
 
 @concurrently
-class HostileInput(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.master = Master()
-        watch(cls.master)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.master.stop()
+class HostileInput(FaultCase):
 
     def test_hostile_connections(self):
         """Several hundred connections to both ports of the server."""

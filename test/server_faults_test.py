@@ -2,23 +2,13 @@
 """Servers that are interrupted, killed, frozen, restarted or replaced mid-goal: the client ends, and says why."""
 import signal
 import time
-import unittest
 
 import rostest
-from fault_case import SLACK, Scene, assert_partial, bowls, concurrently, kill_node, printed_bowls, watch
-from harness import Master
+from fault_case import SLACK, FaultCase, Scene, assert_partial, bowls, concurrently, kill_node, printed_bowls
 
 
 @concurrently
-class ServerFaults(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.master = Master()
-        watch(cls.master)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.master.stop()
+class ServerFaults(FaultCase):
 
     def shut_down(self, name, interrupt):
         """A server that is told to go ends its goal first."""
