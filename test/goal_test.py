@@ -27,7 +27,7 @@ class TestGoal(ServerCase):
 
     def test_states_are_active_then_succeeded(self):
         goal_id = self.probe.send(1)
-        self.probe.wait_active(goal_id)
+        self.wash(goal_id, 1)  # ACTIVE alone does not tell that the server has looked at the clock
         self.clock.turn(1, self.probe)
         self.probe.wait_result(goal_id)
         states = [state for state in self.probe.states[goal_id] if state != 0]  # PENDING may be too short to be seen

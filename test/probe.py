@@ -64,9 +64,6 @@ class Probe:
                     raise AssertionError("expected %s; not so after %.1f s; came: %s" % (what, timeout, self))
                 self.news.wait(0.1)
 
-    def wait_active(self, goal_id):
-        self.wait(lambda: ACTIVE in self.states.get(goal_id, []), "%s ACTIVE" % goal_id)
-
     def wait_bowls(self, goal_id, count):
         """Wait for count bowls of feedback. Returns [(bowl, rospy.Time)]."""
         self.wait(lambda: len(self.feedback.get(goal_id, [])) >= count, "%d bowls of %s" % (count, goal_id))
