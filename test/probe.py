@@ -135,6 +135,11 @@ class HandClock:
         if probe:
             probe.wait(lambda: probe.status_stamp >= self.now, "a status of ROS time %.2f" % self.now.to_sec())
 
+    def lead(self, probe):
+        """Turn the clock on until the server's status follows it; its timer may have begun after our first turns."""
+        begun = self.now
+        probe.wait(lambda: self.turn(0.25) or probe.status_stamp > begun, "a status that follows the clock")
+
     def run(self, factor):
         """Let the clock run, factor times as fast as the wall's, until stop()."""
         self._running.set()

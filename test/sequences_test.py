@@ -112,6 +112,7 @@ class TestSequences(unittest.TestCase):
         rospy.init_node("sequences")
         Sequences.clock = HandClock()
         Sequences.probe = Probe()
+        Sequences.clock.lead(Sequences.probe)
         print("SEED=%d" % SEED, file=sys.__stdout__, flush=True)
         settings = hypothesis.settings(
             max_examples=SEQUENCES, stateful_step_count=12, deadline=None, database=None, print_blob=False,

@@ -14,7 +14,7 @@ class ServerCase(unittest.TestCase):
         rospy.init_node("test_node", anonymous=True)
         cls.clock = HandClock()
         cls.probe = Probe()
-        cls.clock.turn(1, cls.probe)
+        cls.clock.lead(cls.probe)
 
     def setUp(self):
         self.clock.stop()
