@@ -5,6 +5,7 @@ import threading
 import rostest
 import rospy
 from actionlib import SimpleActionClient
+from actions_tutorial import steady
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
 
 from probe import ABORTED, ACTIVE, RECALLED, SUCCEEDED, bowls
@@ -71,9 +72,9 @@ class TestGoal(ServerCase):
         done = {name: threading.Event() for name in clients}
 
         def send(name, minutes):
-            clients[name].send_goal(
-                WashTheDishesGoal(number_of_minutes=minutes), feedback_cb=lambda msg: seen[name].append(msg),
-                done_cb=lambda state, result: done[name].set())
+            steady.send_goal(  # SimpleActionClient alone may drop what comes at once
+                clients[name], WashTheDishesGoal(number_of_minutes=minutes),
+                feedback_cb=lambda msg: seen[name].append(msg), done_cb=lambda state, result: done[name].set())
 
         send("first", 2)
         self.probe.wait(lambda: len(seen["first"]) == 1, "feedback for the first client")
