@@ -2,10 +2,9 @@
 """The service to compare the action with: one call, one answer, and the caller waits for it."""
 import struct
 
-import rospy
-
-from actions_tutorial import steady
+from actions_tutorial import robust  # first, so that Ctrl-C works at once
 from actions_tutorial.srv import AddTwoNumbers, AddTwoNumbersResponse
+import rospy
 
 
 def add_two_numbers(request):
@@ -14,17 +13,12 @@ def add_two_numbers(request):
     try:
         struct.pack("<f", total)
     except OverflowError:
-        raise rospy.ServiceException(
-            "%g + %g is %g, allowed is what float32 holds, up to 3.4e+38" % (request.a, request.b, total))
+        raise rospy.ServiceException("%g + %g is %g, must be within ±3.4e+38 (float32)" % (request.a, request.b, total))
     return AddTwoNumbersResponse(sum=total)
 
 
 if __name__ == "__main__":
-    try:
-        steady.init_node("add_two_numbers_server")
-        rospy.Service("add_two_numbers", AddTwoNumbers, add_two_numbers)
-        rospy.loginfo("add_two_numbers waits for calls")
-        rospy.spin()
-    except rospy.ROSException:  # shut down before it was up
-        pass
-    steady.leave(0)
+    robust.init_node("add_two_numbers_server")
+    rospy.Service("add_two_numbers", AddTwoNumbers, add_two_numbers)
+    rospy.loginfo("add_two_numbers waits for calls")
+    rospy.spin()

@@ -1,0 +1,70 @@
+"""Checks parameters and arguments: a wrong one is named, with its value and what is allowed."""
+import sys
+
+import rospy
+import yaml
+
+from .libraries import is_initialized
+
+_UNSPECIFIED = object()
+_KINDS = {int: "a whole number", float: "a number", str: "a string", bool: "true or false", list: "a list",
+          dict: "a dictionary"}
+
+
+def get_param(param_name, default=_UNSPECIFIED, lowest=None, highest=None):
+    """Like rospy.get_param; what it returns has the type of default and lies from lowest to highest (None: no limit).
+
+    Before init_node it knows the private parameters of the command line, so that a node can refuse those first.
+    Raises ValueError with parameter, value and what is allowed, KeyError if there is neither value nor default.
+    Without it, a wrong value fails much later, or not at all: a mistyped number is a string to ROS.
+    """
+    if default is _UNSPECIFIED:
+        return rospy.get_param(param_name)
+    given = _from_command_line(param_name)
+    started = is_initialized()
+    value = rospy.get_param(param_name, default) if started else given.get(param_name, default)
+    kind = type(default)
+    right = isinstance(value, (int, float) if kind is float else kind) and isinstance(value, bool) == (kind is bool)
+    if right and (lowest is None or lowest <= value) and (highest is None or value <= highest):
+        return kind(value)
+
+    must_be = _KINDS.get(kind, kind.__name__)
+    for word, limit in (("from", lowest), ("to", highest)):
+        if limit is not None:
+            must_be += " %s %s" % (word, limit if kind is int else "%g" % limit)
+    if started and param_name not in given:  # ROS keeps the parameters of earlier runs
+        must_be += "; this one is from the parameter server; `rosparam delete %s`" % (
+            rospy.get_name() if param_name.startswith("~") else rospy.resolve_name(param_name))
+    raise ValueError("%s is %r, must be %s" % (param_name, value, must_be))
+
+
+def get_params(table):
+    """Returns the values (tuple) of the parameters in table, {name: (default, lowest, highest)}. Raises ValueError."""
+    return tuple(get_param(name, *limits) for name, limits in table.items())
+
+
+def check_arguments(arguments, known):
+    """Raises ValueError for one (str) that sets none of the known private parameters ([~NAME]) and is nothing that ROS
+    knows. Without it, ROS takes a misspelt parameter, and `name:=3` for a topic that is renamed to 3."""
+    for argument in arguments:
+        name, assigned, value = argument.partition(":=")
+        if not assigned or ":=" in value or not name or not value:
+            raise ValueError("unknown argument %r, must be _NAME:=VALUE with one of the parameters %s, or --help" % (
+                argument, ", ".join(known)))
+        if name[0] == "_" and name[1:2] != "_" and "~" + name[1:] not in known:
+            raise ValueError("unknown parameter ~%s, must be one of %s" % (name[1:], ", ".join(known)))
+        if "~" + name.lstrip("~/") in known:
+            raise ValueError("%r renames a topic, must be _%s to set the parameter" % (argument, argument.lstrip("~/")))
+
+
+def _from_command_line(param_name):
+    """Returns {param_name: value} if the command line gives that private parameter, else {}."""
+    given = {}
+    for argument in sys.argv[1:]:
+        name, _, text = argument.partition(":=")
+        if param_name == "~" + name[1:] and name[:1] == "_":
+            try:
+                given[param_name] = yaml.safe_load(text)
+            except yaml.YAMLError:  # judge it as text
+                given[param_name] = text
+    return given
