@@ -1,60 +1,29 @@
 #!/usr/bin/python3
-"""The client as its user sees it: stdout, stderr and exit status, for each parameter and each ending."""
+"""The client as its user sees it, for each parameter, ending and interruption: no goal is lost, and nobody hangs."""
 import signal
 import time
-import unittest
 
+import rosgraph
+import rosnode
+import rospy
 import rostest
+from actionlib_msgs.msg import GoalID
 
-from harness import Master, eventually
-
-RESULT = "The result is: dishes_washed: \n"
-
-
-def feedback(count):
-    return "".join('Feedback received: last_dish_washed: "bowl-%d"\n' % i for i in range(count))
+from action_probe import PREEMPTED, SUCCEEDED, bowls
+from cases import SLACK, NodeCase, Scene, check_client, check_partial, check_quiet, concurrently, printed_bowls
 
 
-def result(count):
-    return RESULT + "".join("  - bowl-%d\n" % i for i in range(count))
+@concurrently(Scene)
+class TestClient(NodeCase):
 
-
-class TestClient(unittest.TestCase):
-
-    @classmethod
-    def setUpClass(cls):
-        cls.master = Master()
-        cls.server = cls.master.node("action_server.py")
-        cls.server.expect("waits for goals")
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.master.stop()
-
-    def setUp(self):
-        # A command line's parameters stay on the master: without this they would be the next test's defaults.
-        for name in self.master.api.getParamNames():
-            if name.startswith("/action_client/"):
-                self.master.api.deleteParam(name)
-
-    def client(self, *arguments, **env):
-        client = self.master.node("action_client.py", *arguments, **env)
-        self.addCleanup(client.stop)
-        return client
-
-    def accepted(self):
-        return self.server.stdout.count("goal accepted")
-
-    def test_stdout_is_the_posts_lines_and_no_more(self):
-        client = self.client("_number_of_minutes:=2")
-        self.assertEqual(0, client.wait(), client)
-        self.assertEqual(feedback(2) + result(2), client.stdout)
-        self.assertEqual("", client.stderr)
-
-    def test_seven_minutes_by_default_each_line_there_before_the_next_bowl(self):
-        client = self.client()
+    def test_stdout_is_the_posts_lines_seven_bowls_by_default_each_there_before_the_next(self, scene):
+        scene.server()
+        client = scene.node("action_client.py", PYTHONUNBUFFERED="")  # whoever calls us may have set it
         self.assertEqual(0, client.wait(60), client)
-        self.assertEqual(feedback(7) + result(7), client.stdout)
+        self.assertEqual("".join('Feedback received: last_dish_washed: "%s"\n' % bowl for bowl in bowls(7))
+                         + "The result is: dishes_washed: \n" + "".join("  - %s\n" % bowl for bowl in bowls(7)),
+                         client.stdout)
+        self.assertEqual("", client.stderr)
         # Were stdout a buffer, all lines would come at the end. A second apart is what the server sends; half of it
         # tells the two from each other on a slow machine, too.
         times = [at for at, _, text in client.lines if text.startswith("Feedback")]
@@ -62,93 +31,180 @@ class TestClient(unittest.TestCase):
         self.assertGreater(sorted(gaps)[len(gaps) // 2], 0.5, "median of the seconds between lines, of %s" % client)
         self.assertGreater(times[-1] - times[0], 5, "seconds from first to last bowl, of %s" % client)
 
-    def test_no_minutes_succeed_with_an_empty_result(self):
-        client = self.client("_number_of_minutes:=0")
+    def test_no_minutes_succeed_with_an_empty_result(self, scene):
+        scene.server()
+        client = scene.client(0)
         self.assertEqual(0, client.wait(), client)
         self.assertEqual("The result is: dishes_washed: []\n", client.stdout)
 
-    def test_bad_parameter_is_named_with_its_value_and_what_is_allowed(self):
-        before = self.accepted()
-        int32 = "whole number from -2147483648 to 2147483647"
-        cases = [("number_of_minutes", value, shown, int32) for value, shown in (
-            ("abc", "'abc'"), ("3.5", "3.5"), ("99999999999", "99999999999"), ("-2147483649", "-2147483649"),
-            ("true", "True"), ("[1]", "[1]"), ("[", "'['"), ("'7'", "'7'"))]
-        cases += [("server_timeout", value, shown, "from 0") for value, shown in (("-1", "-1"), ("soon", "'soon'"))]
-        cases += [("heartbeat_timeout", value, shown, "from 0.001") for value, shown in (
-            ("0", "0"), ("-5", "-5"), (".nan", "nan"), (".inf", "inf"), ("false", "False"))]
-        clients = [self.client("_%s:=%s" % (name, value)) for name, value, _, _ in cases]
-        for client, (name, value, shown, allowed) in zip(clients, cases):
-            with self.subTest(name=name, value=value):
-                self.assertEqual(2, client.wait(60), client)
-                self.assertEqual("", client.stdout)
-                line, = client.stderr.splitlines()
-                for word in ("~" + name, " is " + shown, allowed):
-                    self.assertIn(word, line)
-        self.assertEqual(before, self.accepted(), "goals sent by clients with bad parameters: %s" % self.server)
+    def refused(self, scene, words, *arguments):
+        """A client with bad arguments says so in a line with the words (str …) and ends with exit status 2."""
+        with self.subTest(arguments=arguments):
+            client = scene.node("action_client.py", *arguments)
+            self.assertEqual(2, client.wait(), client)
+            self.assertEqual("", client.stdout)
+            line, = client.stderr.splitlines()
+            for word in words:
+                self.assertIn(word, line)
 
-    def test_bad_parameter_on_the_master_is_refused_too(self):
-        self.master.api.setParam("/action_client/heartbeat_timeout", "long")
-        client = self.client()
-        self.assertEqual(2, client.wait(), client)
-        self.assertIn("~heartbeat_timeout is 'long', allowed is a number", client.stderr)
+    def test_bad_parameter_is_named_with_its_value_and_what_is_allowed_and_no_goal_is_sent(self, scene):
+        scene.server()
+        for name, allowed, values in (
+                ("number_of_minutes", "whole number from -2147483648 to 2147483647", (
+                    ("abc", "'abc'"), ("3.5", "3.5"), ("99999999999", "99999999999"), ("true", "True"),
+                    ("-2147483649", "-2147483649"), ("[1]", "[1]"), ("[", "'['"), ("'7'", "'7'"))),
+                ("server_timeout", "from 0", (("-1", "-1"), ("soon", "'soon'"))),
+                ("heartbeat_timeout", "from 0.001", (
+                    ("0", "0"), ("-5", "-5"), (".nan", "nan"), (".inf", "inf"), ("false", "False")))):
+            for value, shown in values:
+                self.refused(scene, ("~" + name, " is " + shown, allowed), "_%s:=%s" % (name, value))
+        self.refused(scene, ["~number_of_minuets", "~number_of_minutes"], "_number_of_minuets:=3")
+        parameter = scene.namespace + "/action_client/heartbeat_timeout"  # of an earlier run, say
+        rosgraph.Master(rospy.get_name()).setParam(parameter, "long")
+        self.refused(scene, ["~heartbeat_timeout is 'long'", "a number"])
+        scene.serves()
+        self.assertEqual(1, len(scene.states), "goals that came: %s" % scene)
 
-    def test_misspelt_parameter_is_refused(self):
-        client = self.client("_number_of_minuets:=3")
-        self.assertEqual(2, client.wait(), client)
-        self.assertIn("~number_of_minuets is no parameter, allowed are ~number_of_minutes", client.stderr)
+    def test_smallest_goal_is_aborted_with_the_reason(self, scene):
+        scene.server()
+        client = scene.client(-2**31)
+        self.assertEqual(client.wait(), 1, client)
+        self.assertRegex(client.stderr, r"ABORTED: .*-2147483648.*0 or more", client)
+        self.assertEqual(printed_bowls(client), ([], []), client)
+        scene.serves()
 
-    def test_preempted_prints_the_partial_result_and_exits_1(self):
-        older = self.client("_number_of_minutes:=30", "__name:=older")
-        older.expect("bowl-1")
-        newer = self.client("_number_of_minutes:=1")
-        self.assertEqual((1, 0), (older.wait(), newer.wait()), "%s\n%s" % (older, newer))
-        count = older.stdout.count("Feedback")
-        self.assertEqual(feedback(count) + result(count), older.stdout)
-        self.assertRegex(older.stderr, r"PREEMPTED: .*newer goal")
-        self.assertEqual(feedback(1) + result(1), newer.stdout)
+    def test_largest_goal_is_cancelled_when_nobody_reads_stdout_any_more(self, scene):
+        scene.server()
+        shell = scene.start("bash", "-c", "rosrun actions_tutorial action_client.py _number_of_minutes:=2147483647 "
+                            "| head -n 3; echo ${PIPESTATUS[0]}")
+        shell.expect("^1$", timeout=60)
+        check_quiet(shell)
+        washed = scene.wait_result().result.dishes_washed
+        self.assertGreaterEqual(len(washed), 3)
+        scene.check_ending(next(iter(scene.results)), PREEMPTED, bowls(len(washed)))
+        scene.serves()
 
-    def test_aborted_says_why_and_exits_1(self):
-        client = self.client("_number_of_minutes:=-3")
-        self.assertEqual(1, client.wait(), client)
-        self.assertRegex(client.stderr, "ABORTED: .*-3.*0 or more")
-
-    def test_ctrl_c_and_its_kin_cancel_the_goal(self):
-        for name, stop in (("sigint", lambda client: client.signal(signal.SIGINT)),
-                           ("sigterm", lambda client: client.signal(signal.SIGTERM)),
-                           ("rosnode kill", lambda client: self.master.process("rosnode", "kill", "/action_client"))):
-            with self.subTest(name):
-                ended = self.server.stdout.count("cancelled; bowls washed")
-                client = self.client("_number_of_minutes:=30")
-                client.expect("bowl-0")
-                stop(client)
-                self.assertEqual(1, client.wait(), client)
-                eventually(lambda: self.server.stdout.count("cancelled; bowls washed") == ended + 1,
-                           "the goal cancelled in %s" % self.server)
-                self.assertNotIn("Traceback", client.stderr)
-
-    def test_no_server_within_the_timeout_exits_1(self):
-        client = self.client("_server_timeout:=1", "wash_dishes_as:=nobodys")
-        self.assertEqual(1, client.wait(), client)
-        self.assertEqual("", client.stdout)
-        self.assertIn("no action /nobodys within 1 s", client.stderr)
-
-    def test_waiting_says_for_what_every_5_s(self):
+    def interrupted(self, scene, interrupt):
+        """A client that is interrupted cancels its goal, and no other."""
+        cancels = []
+        rospy.Subscriber(scene.action + "cancel", GoalID, cancels.append)
+        scene.server()
+        client = scene.client(60)
+        client.expect("bowl-1")
         begun = time.monotonic()
-        client = self.client("wash_dishes_as:=nobodys")
-        client.expect("waiting for the action /nobodys, 5 s", stream="stderr")
-        client.expect("waiting for the action /nobodys, 10 s", stream="stderr")
-        self.assertGreater(time.monotonic() - begun, 9)
+        interrupt(client)
+        check_partial(client, 2)
+        self.assertLess(time.monotonic() - begun, 2 + SLACK, "expected an end within 2 s of %s" % client)
+        check_quiet(client)
+        result = scene.wait_result()
+        washed, goal_id = result.result.dishes_washed, result.status.goal_id.id
+        scene.check_ending(goal_id, PREEMPTED, bowls(max(2, len(washed))))
+        self.assertLess(scene.times[goal_id, "result"] - begun, 1 + SLACK, "s until the goal's end")
+        self.assertEqual([(goal_id, 0)], [(cancel.id, cancel.stamp.to_sec()) for cancel in cancels])
+        scene.serves()
+
+    def test_sigint_cancels_the_goal(self, scene):
+        self.interrupted(scene, lambda client: client.signal(signal.SIGINT))
+
+    def test_sigterm_cancels_the_goal(self, scene):
+        self.interrupted(scene, lambda client: client.signal(signal.SIGTERM))
+
+    def test_rosnode_kill_cancels_the_goal(self, scene):
+        self.interrupted(scene, lambda client: rosnode.kill_nodes([scene.namespace + "/action_client"]))
+
+    def test_closed_terminal_cancels_the_goal(self, scene):
+        self.interrupted(scene, lambda client: client.signal(signal.SIGHUP))
+
+    def test_nohup_is_obeyed(self, scene):
+        scene.server()
+        client = scene.start("nohup", "rosrun", "actions_tutorial", "action_client.py", "_number_of_minutes:=3")
+        client.expect("bowl-0")
+        client.signal(signal.SIGHUP)
+        check_client(client, 0, 3)
+
+    def test_ctrl_c_while_the_server_is_too_slow_to_stop_says_so(self, scene):
+        server = scene.server()
+        client = scene.client(60)
+        client.expect("bowl-1")
+        server.signal(signal.SIGSTOP)
         client.signal(signal.SIGINT)
         self.assertEqual(1, client.wait(), client)
-        self.assertEqual("", client.stdout)
+        self.assertIn("a cancel was sent, no ending came within 1 s", client.stderr, client)
 
-    def test_closed_stdout_cancels_the_goal_and_exits_1(self):
-        ended = self.server.stdout.count("cancelled; bowls washed")
-        shell = self.master.process("bash", "-c", "rosrun actions_tutorial action_client.py _number_of_minutes:=30 "
-                                    "| head -1; echo ${PIPESTATUS[0]}")
-        shell.expect("^1$", timeout=60)
-        eventually(lambda: self.server.stdout.count("cancelled; bowls washed") == ended + 1, "the goal cancelled")
-        self.assertNotIn("Traceback", shell.stderr)
+    def test_late_ctrl_c_leaves_the_goal_of_another_client_alone(self, scene):
+        scene.server()
+        older = scene.client(60)
+        older.expect("bowl-0")
+        older.signal(signal.SIGSTOP)  # so that it does not hear that its goal ends
+        newer = scene.client(3, "__name:=newer")
+        newer.expect("bowl-0")
+        older.signal(signal.SIGINT)
+        older.signal(signal.SIGCONT)
+        self.assertEqual(older.wait(), 1, older)
+        check_client(newer, 0, 3)
+
+    def test_after_sigkill_the_server_finishes_the_goal_and_serves_the_next(self, scene):
+        scene.server()
+        client = scene.client(4)
+        client.expect("bowl-1")
+        client.signal(signal.SIGKILL)
+        scene.wait_result()
+        scene.check_ending(next(iter(scene.results)), SUCCEEDED, bowls(4))
+        scene.serves()
+
+    def test_newer_goal_of_another_client_preempts(self, scene):
+        scene.server()
+        older = scene.client(60)
+        older.expect("bowl-1")
+        newer = scene.client(2, "__name:=newer")
+        check_partial(older, 2)
+        self.assertRegex(older.stderr, "PREEMPTED: .*newer goal", older)
+        check_client(newer, 0, 2)
+
+    def test_second_client_with_the_same_name(self, scene):
+        """ROS shuts the first one down; its last words must not take the name back."""
+        scene.server()
+        first = scene.client(60)
+        first.expect("bowl-1")
+        second = scene.client(3)
+        self.assertEqual(first.wait(), 1, first)
+        self.assertIn("another node took the name %s/action_client" % scene.namespace, first.stderr, first)
+        self.assertEqual([], [line for line in first.stdout.splitlines() if not line or "shutdown" in line], first)
+        check_client(second, 0, 3)
+
+    def test_client_before_the_server_says_so_every_5_s_and_goes_on_when_it_comes(self, scene):
+        client = scene.client(1)
+        for seconds in 5, 10:
+            client.expect("waiting for .*%s/wash_dishes_as.* %d s" % (scene.namespace, seconds))
+            self.assertGreater(client.lines[-1][0], seconds - 0.5, client)
+        self.assertEqual(client.stdout, "", "expected nothing on stdout")
+        scene.server()
+        check_client(client, 0, 1)
+
+    def test_server_timeout_ends_the_wait(self, scene):
+        client = scene.client(1, "_server_timeout:=1", "wash_dishes_as:=nobodys")
+        self.assertEqual(client.wait(), 1, client)
+        self.assertRegex(client.stderr, scene.namespace + "/nobodys.*server_timeout", client)
+        self.assertEqual(client.stdout, "", "expected nothing on stdout")
+
+    def test_ctrl_c_ends_the_wait(self, scene):
+        client = scene.client(1)
+        client.expect("waiting for")
+        client.signal(signal.SIGINT)
+        self.assertEqual(client.wait(), 1, client)
+        check_quiet(client)
+
+    def test_twenty_clients_at_once(self, scene):
+        scene.server()
+        clients = [scene.client(1, "__name:=client_%d" % number) for number in range(20)]
+        statuses = [client.wait(60) for client in clients]
+        self.assertLessEqual(set(statuses), {0, 1})
+        self.assertIn(0, statuses, "the last goal at least is washed: nobody preempts it")
+        self.assertEqual([1] * 20, [len(results) for results in scene.results.values()], "one ending for each goal")
+        check_quiet(*clients)
+        for client, status in zip(clients, statuses):
+            self.assertIn(printed_bowls(client)[1], [None, [], bowls(1)] if status else [bowls(1)], client)
+        scene.serves()
 
 
 if __name__ == "__main__":

@@ -1,25 +1,20 @@
 #!/usr/bin/python3
-"""Bytes, connections and goals that no client of good will sends: the server serves on."""
-import os
+"""Bytes and connections that no client of good will sends: the server serves on."""
+import itertools
 import random
 import socket
 import struct
 import xmlrpc.client
 
+import rosgraph
 import rospy
 import rostest
-from actionlib_msgs.msg import GoalStatus
-from fault_case import STATE, FaultCase, Scene, bowls, concurrently
-from harness import eventually
+
+from cases import NodeCase, Scene, check_client, check_quiet, concurrently
+from processes import eventually
 
 AT_ONCE = 20  # connections of each kind to each port
 SEED = 4  # of the random bytes
-
-
-def resident(process):
-    """Returns the resident memory of process (Process) in MiB."""
-    with open("/proc/%d/status" % process.pid) as status:
-        return int(next(line for line in status if line.startswith("VmRSS")).split()[1]) / 1024
 
 
 def connect(port, data):
@@ -32,95 +27,72 @@ def connect(port, data):
     return connection
 
 
-@concurrently
-class HostileInput(FaultCase):
+@concurrently(Scene)
+class HostileInput(NodeCase):
 
-    def test_hostile_connections(self):
+    def ports(self, scene):
+        """Returns those of the server's two, for messages and for XML-RPC."""
+        uri = rosgraph.Master(rospy.get_name()).lookupNode(scene.namespace + "/action_server")
+        _, _, (_, _, tcpros) = xmlrpc.client.ServerProxy(uri).requestTopic(
+            rospy.get_name(), scene.action + "status", [["TCPROS"]])
+        return tcpros, int(uri.rstrip("/").rpartition(":")[2])
+
+    def test_hostile_connections(self, scene):
         """Several hundred connections to both ports of the server."""
         noise = random.Random(SEED)
-        with Scene(self.master, "bytes") as scene:
-            server = scene.server()
-            for number in range(5):  # so that what the first goals need is there
-                scene.serves("warm-%d" % number)
-            uri = self.master.api.lookupNode("/bytes/action_server")
-            _, _, (_, _, tcpros) = xmlrpc.client.ServerProxy(uri).requestTopic(
-                "/watcher", "/bytes/wash_dishes_as/status", [["TCPROS"]])
-            xmlrpc_port = int(uri.rstrip("/").rpartition(":")[2])
-            files = "/proc/%d/fd" % server.pid
-            before, open_before = resident(server), len(os.listdir(files))
-            body = b"<methodCall><methodName>requestTopic</methodName><params><param>"
-            post = b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: %d\r\n\r\n%s"
-            header = b"callerid=/evil"
-            kinds = {
-                "nothing, and stay": lambda: b"",
-                "random bytes": lambda: bytes(noise.getrandbits(8) for _ in range(noise.randrange(1, 4096))),
-                "an oversized header length": lambda: struct.pack("<I", 2**31 - 1) + b"x" * 100,
-                "an oversized field length": lambda: struct.pack("<II", 20, 2**32 - 1) + b"x" * 16,
-                "a header without a topic": lambda: struct.pack("<II", 4 + len(header), len(header)) + header,
-                "broken XML-RPC": lambda: post % (len(body), body),
-                "half a request": lambda: post % (10**9, body),
-            }
-            for kind, data in kinds.items():
-                connections = [connect(port, data()) for port in (tcpros, xmlrpc_port) for _ in range(AT_ONCE)]
-                client = scene.client(1)
-                self.assertEqual(client.wait(), 0, "with %d times %s: %s" % (len(connections), kind, client))
+        server = scene.server()
+        for _ in range(5):  # so that what the first goals need is there
+            scene.serves()
+        open_before = server.usage.num_fds()
+        body = b"<methodCall><methodName>requestTopic</methodName><params><param>"
+        post = b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: %d\r\n\r\n%s"
+        header = b"callerid=/evil"
+        kinds = {
+            "nothing, and stay": lambda: b"",
+            "random bytes": lambda: bytes(noise.getrandbits(8) for _ in range(noise.randrange(1, 4096))),
+            "an oversized header length": lambda: struct.pack("<I", 2**31 - 1) + b"x" * 100,
+            "an oversized field length": lambda: struct.pack("<II", 20, 2**32 - 1) + b"x" * 16,
+            "a header without a topic": lambda: struct.pack("<II", 4 + len(header), len(header)) + header,
+            "broken XML-RPC": lambda: post % (len(body), body),
+            "half a request": lambda: post % (10**9, body),
+        }
+
+        def connect_many(data):
+            return [connect(port, data()) for port in self.ports(scene) for _ in range(AT_ONCE)]
+
+        for data in kinds.values():  # and what the first peers need
+            for connection in connect_many(data):
+                connection.close()
+        before = server.usage.memory_info().rss
+        for kind, data in kinds.items():
+            with self.subTest(kind):
+                connections = connect_many(data)
+                check_client(scene.client(1), 0, 1)
                 for connection in connections:
                     connection.close()
-            eventually(lambda: len(os.listdir(files)) <= open_before + 5,
-                       "about %d files open as before, once the connections are closed" % open_before)
-            self.assertLess(resident(server), before * 1.1, "MiB resident after %d connections" % (
-                len(kinds) * len(connections)))
-            self.assertNotIn("Traceback", server.stdout + server.stderr, server)
-            scene.serves("last")
+        eventually(lambda: server.usage.num_fds() <= open_before + 5,
+                   "about %d files open as before, once the connections are closed" % open_before, server)
+        self.assertLess(server.usage.memory_info().rss, before * 1.1, "bytes resident after the connections")
+        check_quiet(server)
+        scene.serves()
 
-    def test_burst_of_500_goals(self):
-        with Scene(self.master, "burst") as scene:
-            scene.server()
-            ids = ["burst-%d" % number for number in range(500)]
-            for goal_id in ids:
-                scene.send(2, goal_id)
-            _, last = scene.ending(ids[-1])
-            self.assertEqual((last.status.status, last.result.dishes_washed), (STATE["SUCCEEDED"], bowls(2)))
-            eventually(lambda: len(scene.ended) >= 500, "an ending for each of 500 goals")
-            self.assertEqual(sorted(scene.ended), sorted(ids), "each goal once in the status")
-            washed = [result for _, result in scene.results if result.status.status == STATE["SUCCEEDED"]]
-            self.assertEqual(len(washed), 1, "the last goal alone is washed to its end")
-            scene.serves()
+    def test_peers_that_use_up_the_files_and_go_away(self, scene):
+        server = scene.start("bash", "-c", "ulimit -n 256; exec rosrun actions_tutorial action_server.py")
+        scene.wait_connected(server)
+        peers = [socket.socket() for _ in range(1000)]
+        for peer, port in zip(peers, itertools.cycle(self.ports(scene))):
+            peer.setblocking(False)
+            peer.connect_ex(("localhost", port))
+        eventually(lambda: server.usage.num_fds() >= 255, "no more files for the server", server)
+        for peer in peers:
+            peer.close()
+        check_client(scene.client(1), 0, 1)
 
-    def test_goal_topic_of_another_type(self):
-        with Scene(self.master, "md5sum") as scene:
-            scene.server()
-            stranger = scene.start("rostopic", "pub", "wash_dishes_as/goal", "std_msgs/String", "wash!")
-            stranger.expect("types do not match", stream="stderr")  # it is the publisher that rospy tells
-            scene.serves()
-
-    def test_strange_ids(self):
-        with Scene(self.master, "ids") as scene:
-            server = scene.server()
-            scene.send(60, "twice")
-            eventually(lambda: scene.feedback, "a first bowl")
-            scene.send(60, "twice")
-            server.expect("ignored.*twice", stream=None)
-            scene.serves("in between")
-            scene.send(60, "twice")  # ended a moment ago
-            eventually(lambda: server.stderr.count("ignored") == 2, "a second line of log on the repeat")
-            scene.serves("after it")
-            endings = [result for _, result in scene.results if result.status.goal_id.id == "twice"]
-            self.assertEqual([ending.status.status for ending in endings], [STATE["PREEMPTED"]], "one ending")
-            for number in range(3):
-                scene.send(0)
-                eventually(lambda: len(scene.results) == 4 + number, "an ending for empty id %d" % number)
-            scene.serves("long " * 200000)
-            scene.serves()
-
-    def test_strange_stamps(self):
-        with Scene(self.master, "stamps") as scene:
-            scene.server()
-            for name, stamp in (("past", 1), ("future", 4e9), ("present", rospy.get_time()), ("past again", 2)):
-                scene.send(1, name, rospy.Time.from_sec(stamp))
-                _, result = scene.ending(name)
-                self.assertEqual(result.status.status, GoalStatus.SUCCEEDED, "%s:\n%s" % (name, result))
-            scene.serves()
+    def test_goal_topic_of_another_type(self, scene):
+        scene.server()
+        stranger = scene.start("rostopic", "pub", "wash_dishes_as/goal", "std_msgs/String", "wash!")
+        stranger.expect("types do not match")  # it is the publisher that rospy tells
+        scene.serves()
 
 
 if __name__ == "__main__":

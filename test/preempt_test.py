@@ -6,18 +6,17 @@ The clock stands still while these tests wait: a server that looks for a cancel 
 import rostest
 import rospy
 
-from probe import ACTIVE, PREEMPTED, RECALLED, SUCCEEDED, bowls
-from server_case import ServerCase
+from action_probe import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED, bowls
+from cases import ServerCase
 
 
 class TestPreempt(ServerCase):
 
     def check_cancel(self, **cancel):
-        goal_id = self.probe.send(5)
-        self.wash(goal_id, 3)
+        goal_id = self.wash(5, 3)
         self.clock.turn(0.5, self.probe)
         self.probe.cancel(**cancel or {"goal_id": goal_id})
-        self.check_ending(goal_id, PREEMPTED, bowls(3))
+        self.assertIn("cancelled", self.probe.check_ending(goal_id, PREEMPTED, bowls(3)).status.text)
 
     def test_cancel_of_the_goal(self):
         self.check_cancel()
@@ -30,13 +29,9 @@ class TestPreempt(ServerCase):
         self.clock.turn(2, self.probe)  # goals up to that stamp stay cancelled
 
     def test_cancel_of_goals_before_an_earlier_stamp_leaves_the_goal_alone(self):
-        goal_id = self.probe.send(2)
-        self.wash(goal_id, 1)
+        goal_id = self.wash(2, 1)
         self.probe.cancel(stamp=self.clock.now - rospy.Duration(1))
-        self.clock.turn(1, self.probe)
-        self.probe.wait_bowls(goal_id, 2)
-        self.clock.turn(1, self.probe)
-        self.check_ending(goal_id, SUCCEEDED, bowls(2))
+        self.finish(goal_id, 2)
 
     def test_cancel_in_the_first_instant(self):
         goal_id = self.probe.send(5)
@@ -51,70 +46,54 @@ class TestPreempt(ServerCase):
         goal_id = "early"
         self.probe.cancel(goal_id)
         self.probe.wait(lambda: self.clock.turn(0.25) or goal_id in self.probe.states, "the cancel to be kept")
-        self.probe.send(5, goal_id=goal_id)
-        self.assertEqual(RECALLED, self.probe.wait_result(goal_id).status.status)
+        self.probe.send(5, goal_id)
+        self.probe.check_ending(goal_id, RECALLED, [])
 
     def test_cancel_in_the_last_second(self):
-        goal_id = self.probe.send(3)
-        self.wash(goal_id, 3)
+        goal_id = self.wash(3, 3)
         self.clock.turn(0.999, self.probe)
         self.probe.cancel(goal_id)
-        self.check_ending(goal_id, PREEMPTED, bowls(3))
+        self.probe.check_ending(goal_id, PREEMPTED, bowls(3))
 
     def test_cancel_twice(self):
-        goal_id = self.probe.send(3)
-        self.wash(goal_id, 2)
+        goal_id = self.wash(3, 2)
         self.probe.cancel(goal_id)
         self.probe.cancel(goal_id)
-        self.check_ending(goal_id, PREEMPTED, bowls(2))
-        self.check_ending(self.probe.send(0), SUCCEEDED, [])
-        self.check_ending(goal_id, PREEMPTED, bowls(2))
+        self.probe.check_ending(goal_id, PREEMPTED, bowls(2))
+        self.probe.check_ending(self.probe.send(0), SUCCEEDED, [])
+        self.probe.check_ending(goal_id, PREEMPTED, bowls(2))
 
     def test_cancel_of_an_ended_or_unknown_goal_changes_nothing(self):
         ended = self.probe.send(0)
-        self.check_ending(ended, SUCCEEDED, [])
-        goal_id = self.probe.send(2)
-        self.wash(goal_id, 1)
+        self.probe.check_ending(ended, SUCCEEDED, [])
+        goal_id = self.wash(2, 1)
         self.probe.cancel(ended)
         self.probe.cancel("nobody's")
-        self.clock.turn(1, self.probe)
-        self.probe.wait_bowls(goal_id, 2)
-        self.clock.turn(1, self.probe)
-        self.check_ending(goal_id, SUCCEEDED, bowls(2))
-        self.check_ending(ended, SUCCEEDED, [])
+        self.finish(goal_id, 2)
+        self.probe.check_ending(ended, SUCCEEDED, [])
 
     def test_newer_goal_takes_over_at_once(self):
-        older = self.probe.send(5)
-        self.wash(older, 2)
+        older = self.wash(5, 2)
         newer = self.probe.send(1)
         self.probe.wait_bowls(newer, 1)  # with the clock standing still
-        result = self.check_ending(older, PREEMPTED, bowls(2))
+        result = self.probe.check_ending(older, PREEMPTED, bowls(2))
         self.assertIn("newer goal", result.status.text)
-        self.assertIn(ACTIVE, self.probe.states[newer])
-        self.clock.turn(1, self.probe)
-        self.check_ending(newer, SUCCEEDED, bowls(1))
+        self.probe.wait(lambda: ACTIVE in self.probe.states.get(newer, []), "the newer goal ACTIVE")
+        self.finish(newer, 1)
         self.assertEqual(1, self.probe.active_at_once, "goals ACTIVE at once")
 
     def test_newer_goal_in_the_last_second(self):
-        older = self.probe.send(1)
-        self.wash(older, 1)
+        older = self.wash(1, 1)
         self.clock.turn(0.999, self.probe)
         newer = self.probe.send(0)
-        self.check_ending(older, PREEMPTED, bowls(1))
-        self.check_ending(newer, SUCCEEDED, [])
+        self.probe.check_ending(older, PREEMPTED, bowls(1))
+        self.probe.check_ending(newer, SUCCEEDED, [])
 
     def test_newer_negative_goal_preempts_too(self):
-        older = self.probe.send(5)
-        self.wash(older, 1)
-        self.probe.wait_result(self.probe.send(-3))
-        self.check_ending(older, PREEMPTED, bowls(1))
-
-    def test_server_serves_on_after_a_cancel(self):
-        self.check_cancel()
-        goal_id = self.probe.send(2)
-        self.wash(goal_id, 2)
-        self.clock.turn(1, self.probe)
-        self.check_ending(goal_id, SUCCEEDED, bowls(2))
+        older = self.wash(5, 1)
+        newer = self.probe.send(-3)
+        self.probe.check_ending(older, PREEMPTED, bowls(1))
+        self.probe.check_ending(newer, ABORTED, [])
 
 
 if __name__ == "__main__":

@@ -6,15 +6,14 @@ SEQUENCES (200) in the environment says how many; SEED (a new one each time, pri
 import os
 import random
 import sys
-import unittest
 
 import hypothesis
 import hypothesis.strategies as st
 import rostest
-import rospy
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule, run_state_machine_as_test
 
-from probe import ABORTED, PREEMPTED, SUCCEEDED, HandClock, Probe, bowls
+from action_probe import ABORTED, PREEMPTED, SUCCEEDED, bowls
+from cases import ServerCase
 
 SEQUENCES = int(os.environ.get("SEQUENCES", 200))
 SEED = int(os.environ.get("SEED", random.randrange(2**32)))
@@ -86,10 +85,7 @@ class Sequences(RuleBasedStateMachine):
     @invariant()
     def every_goal_keeps_its_one_ending(self):
         for goal_id, expected in self.endings.items():
-            result = self.probe.wait_result(goal_id)
-            assert (result.status.status, result.result.dishes_washed) == expected, (
-                "expected %s to end with %s; came: %s" % (goal_id, expected, self.probe))
-            self.probe.wait(lambda: self.probe.bowls_of(goal_id) == expected[1], "feedback %s" % expected[1])
+            self.probe.check_ending(goal_id, *expected)
 
     @invariant()
     def one_goal_is_active_at_most(self):
@@ -106,13 +102,10 @@ class Sequences(RuleBasedStateMachine):
         self.every_goal_keeps_its_one_ending()
 
 
-class TestSequences(unittest.TestCase):
+class TestSequences(ServerCase):
 
     def test_any_order_of_goals_cancels_and_waits(self):
-        rospy.init_node("sequences")
-        Sequences.clock = HandClock()
-        Sequences.probe = Probe()
-        Sequences.clock.lead(Sequences.probe)
+        Sequences.probe, Sequences.clock = self.probe, self.clock
         print("SEED=%d" % SEED, file=sys.__stdout__, flush=True)
         settings = hypothesis.settings(
             max_examples=SEQUENCES, stateful_step_count=12, deadline=None, database=None, print_blob=False,

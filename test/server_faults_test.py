@@ -1,101 +1,126 @@
 #!/usr/bin/python3
 """Servers that are interrupted, killed, frozen, restarted or replaced mid-goal: the client ends, and says why."""
+import re
 import signal
+import tempfile
 import time
+import xmlrpc.client
 
+import rosgraph
+import rosnode
+import rospy
 import rostest
-from fault_case import SLACK, FaultCase, Scene, assert_partial, bowls, concurrently, kill_node, printed_bowls
+from actions_tutorial.msg import WashTheDishesActionGoal
+
+from action_probe import SUCCEEDED
+from cases import SLACK, NodeCase, Scene, check_client, check_partial, check_quiet, concurrently
+from processes import eventually
 
 
-@concurrently
-class ServerFaults(FaultCase):
+@concurrently(Scene)
+class ServerFaults(NodeCase):
 
-    def shut_down(self, name, interrupt):
+    def shut_down(self, scene, interrupt):
         """A server that is told to go ends its goal first."""
-        with Scene(self.master, name) as scene:
-            server = scene.server()
-            client = scene.client(60)
-            client.expect("bowl-1")
-            interrupted = time.monotonic()
-            interrupt(server)
-            self.assertEqual(server.wait(), 0, server)
-            self.assertLess(time.monotonic() - interrupted, 2 + SLACK, "expected an end within 2 s of %s" % server)
-            self.assertEqual(client.wait(), 1, client)
-            self.assertLess(time.monotonic() - interrupted, 2 + SLACK, "expected an end within 2 s of %s" % client)
-            self.assertRegex(client.stderr, "ABORTED.*shutting down", client)
-            assert_partial(self, client, 2)
-            for node in client, server:
-                self.assertNotIn("Traceback", node.stdout + node.stderr, node)
+        server = scene.server()
+        client = scene.client(60)
+        client.expect("bowl-1")
+        begun = time.monotonic()
+        interrupt(server)
+        self.assertEqual(server.wait(), 0, server)
+        self.assertLess(time.monotonic() - begun, 2 + SLACK, "expected an end within 2 s of %s" % server)
+        check_partial(client, 2)
+        self.assertLess(time.monotonic() - begun, 2 + SLACK, "expected an end within 2 s of %s" % client)
+        self.assertRegex(client.stderr, "ABORTED.*shutting down", client)
+        check_quiet(client, server)
 
-    def test_sigint_aborts_the_goal_with_its_bowls(self):
-        self.shut_down("sigint", lambda server: server.signal(signal.SIGINT))
+    def test_sigint_aborts_the_goal_with_its_bowls(self, scene):
+        self.shut_down(scene, lambda server: server.signal(signal.SIGINT))
 
-    def test_sigterm_aborts_the_goal_with_its_bowls(self):
-        self.shut_down("sigterm", lambda server: server.signal(signal.SIGTERM))
+    def test_sigterm_aborts_the_goal_with_its_bowls(self, scene):
+        self.shut_down(scene, lambda server: server.signal(signal.SIGTERM))
 
-    def test_rosnode_kill_aborts_the_goal_with_its_bowls(self):
-        self.shut_down("kill", lambda server: kill_node("/kill/action_server"))
+    def test_rosnode_kill_aborts_the_goal_with_its_bowls(self, scene):
+        self.shut_down(scene, lambda server: rosnode.kill_nodes([scene.namespace + "/action_server"]))
 
-    def silent(self, name, number):
+    def silent(self, scene, number):
         """A client ends when its server is silent for ~heartbeat_timeout."""
-        with Scene(self.master, name) as scene:
-            server = scene.server()
-            client = scene.client(60, "_heartbeat_timeout:=2")
-            client.expect("bowl-1")
-            begun = time.monotonic()
-            server.signal(number)
-            self.assertEqual(client.wait(), 1, client)
-            took = time.monotonic() - begun
-            self.assertLess(took, 2 + 2 + SLACK, "expected an end within ~heartbeat_timeout + 2 s of %s" % client)
-            self.assertGreater(took, 1.5, "expected patience for ~heartbeat_timeout of %s" % client)
-            said = [line for line in client.stderr.splitlines() if "silent" in line]
-            self.assertEqual(len(said), 1, "expected one line on the silence from %s" % client)
-            self.assertRegex(said[0], r"silent for \d+\.\d s", client)
-            self.assertNotIn("The result is", client.stdout, client)
-            self.assertNotIn("Traceback", client.stderr, client)
+        server = scene.server()
+        client = scene.client(60, "_heartbeat_timeout:=2")
+        client.expect("bowl-1")
+        begun = time.monotonic()
+        server.signal(number)
+        self.assertEqual(client.wait(), 1, client)
+        took = time.monotonic() - begun
+        self.assertLess(took, 2 + 2 + SLACK, "expected an end within ~heartbeat_timeout + 2 s of %s" % client)
+        self.assertGreater(took, 1.5, "expected patience for ~heartbeat_timeout of %s" % client)
+        said = [line for line in client.stderr.splitlines() if "silent" in line]
+        self.assertEqual(len(said), 1, "expected one line on the silence from %s" % client)
+        self.assertNotIn("The result is", client.stdout, client)
+        check_quiet(client)
 
-    def test_sigkill_ends_the_client(self):
-        self.silent("sigkill", signal.SIGKILL)
+    def test_sigkill_ends_the_client(self, scene):
+        self.silent(scene, signal.SIGKILL)
 
-    def test_sigstop_ends_the_client(self):
-        self.silent("sigstop", signal.SIGSTOP)
+    def test_sigstop_ends_the_client(self, scene):
+        self.silent(scene, signal.SIGSTOP)
 
-    def test_short_sigstop_is_survived(self):
-        with Scene(self.master, "nap") as scene:
-            server = scene.server()
-            client = scene.client(4)
-            client.expect("bowl-0")
-            server.signal(signal.SIGSTOP)
-            time.sleep(1.5)  # the fault itself: longer than a bowl, shorter than the time-out
-            server.signal(signal.SIGCONT)
-            self.assertEqual(client.wait(), 0, client)
-            self.assertEqual(printed_bowls(client), (bowls(4), bowls(4)), client)
+    def test_short_sigstop_is_survived(self, scene):
+        server = scene.server()
+        client = scene.client(4)
+        client.expect("bowl-0")
+        server.signal(signal.SIGSTOP)
+        time.sleep(1.5)  # the fault itself: longer than a bowl, shorter than the time-out
+        server.signal(signal.SIGCONT)
+        check_client(client, 0, 4)
 
-    def test_server_killed_and_started_again(self):
-        with Scene(self.master, "respawn") as scene:
-            server = scene.server()
-            client = scene.client(60, "_heartbeat_timeout:=60")
-            client.expect("bowl-1")
-            server.signal(signal.SIGKILL)
-            server.wait()
-            scene.start_server()
-            self.assertEqual(client.wait(), 1, client)
-            self.assertIn("LOST", client.stderr, client)
-            self.assertNotIn("The result is", client.stdout, client)
-            self.assertEqual(scene.client(1, "__name:=next").wait(), 0, "the new server serves")
-
-    def test_second_server_with_the_same_name(self):
-        with Scene(self.master, "twin") as scene:
-            first = scene.server()
-            client = scene.client(60)
-            client.expect("bowl-1")
-            scene.start_server()
+    def replaced(self, scene, number, words):
+        """A server that is killed (by signal number) or robbed of its name (0), and another in its place."""
+        first = scene.server()
+        client = scene.client(60, "_heartbeat_timeout:=60")
+        client.expect("bowl-1")
+        if number:
+            first.signal(number)
             first.wait()
-            self.assertEqual(client.wait(), 1, client)
-            self.assertRegex(client.stderr, "ABORTED|LOST|silent", client)
-            for node in client, first:
-                self.assertNotIn("Traceback", node.stdout + node.stderr, node)
-            self.assertEqual(scene.client(1, "__name:=next").wait(), 0, "the new server serves")
+        scene.node("action_server.py")
+        first.wait()
+        self.assertEqual(client.wait(), 1, client)
+        self.assertRegex(client.stderr, words, client)
+        check_quiet(client, first)
+        check_client(scene.client(1, "__name:=next"), 0, 1)
+
+    def test_server_killed_and_started_again(self, scene):
+        self.replaced(scene, signal.SIGKILL, "LOST")
+
+    def test_second_server_with_the_same_name(self, scene):
+        self.replaced(scene, 0, "ABORTED|LOST|silent")
+
+    def test_client_that_the_master_names_many_times_is_connected_to_once(self, scene):
+        client, name = scene.client(1), scene.namespace + "/action_client"
+        master = rosgraph.Master(rospy.get_name())
+        eventually(lambda: name in dict(master.getSystemState()[0]).get(scene.action + "cancel", []),
+                   "a client that is registered", client)
+        client_uri = master.lookupNode(name)
+        client.signal(signal.SIGSTOP)  # so that its answer takes long
+        with tempfile.NamedTemporaryFile("r") as log:
+            server = scene.node("action_server.py", "__log:=" + log.name)
+            server.expect("waits for goals")
+            api = xmlrpc.client.ServerProxy(master.lookupNode(scene.namespace + "/action_server"))
+            for _ in range(20):
+                api.publisherUpdate("/master", scene.action + "goal", [client_uri])
+            client.signal(signal.SIGCONT)
+            check_client(client, 0, 1)
+            made = re.findall(r"topic\[%sgoal\] adding connection to \[%s" % (scene.action, client_uri), log.read())
+        self.assertEqual(1, len(made), "connections for the client's goal")
+
+    def test_goal_that_waits_on_the_topic_for_the_server_is_served(self, scene):
+        goal = WashTheDishesActionGoal()
+        goal.goal_id.id, goal.goal.number_of_minutes = "latched", 2
+        latched = rospy.Publisher(scene.action + "goal", WashTheDishesActionGoal, latch=True, queue_size=1)
+        latched.publish(goal)
+        scene.node("action_server.py")
+        scene.wait(lambda: SUCCEEDED in scene.states.get("latched", []), "two bowls washed")
+        latched.unregister()
 
 
 if __name__ == "__main__":

@@ -1,77 +1,80 @@
 #!/usr/bin/python3
-"""Simulated time is the server's only time: running fast, standing still, beginning, set back."""
-import time
-
-import rostest
+"""Simulated time is the only time of server and client: running fast, standing still, set back."""
 import rospy
+import rostest
 
-from probe import PREEMPTED, SUCCEEDED, bowls
-from server_case import ServerCase
-
-LOOK = 2.5  # s of the wall clock in which a server that lived by it would wash two more bowls
+from action_probe import SUCCEEDED, bowls
+from cases import ServerCase, check_client
 
 
 class TestSimulatedTime(ServerCase):
 
-    def expect_no_more_than(self, goal_id, count):
-        """Watch for LOOK s that nothing more comes."""
-        until = time.monotonic() + LOOK
-        with self.probe.news:
-            while time.monotonic() < until:
-                self.probe.news.wait(until - time.monotonic())
-        self.assertEqual(bowls(count), self.probe.bowls_of(goal_id), "bowls while the clock stood still")
-        self.assertNotIn(goal_id, self.probe.results)
-
     def test_fifty_times_faster(self):
-        begun = rospy.Time.now()
+        begun = self.clock.now
         goal_id = self.probe.send(60)
-        self.clock.run(50)
-        result = self.probe.wait_result(goal_id)
-        self.assertEqual((SUCCEEDED, bowls(60)), (result.status.status, result.result.dishes_washed))
-        for i, (_, stamp) in enumerate(self.probe.feedback[goal_id]):
-            self.assertGreaterEqual((stamp - begun).to_sec(), i, "second of bowl-%d" % i)
+        self.clock.run(0.2)
+        result = self.probe.check_ending(goal_id, SUCCEEDED, bowls(60))
+        for i, message in enumerate(self.probe.feedback[goal_id]):
+            self.assertGreaterEqual((message.header.stamp - begun).to_sec(), i, "second of bowl-%d" % i)
         took = (result.header.stamp - begun).to_sec()
-        # Exact figures are feedback_test's. By the wall clock it would take 60 * 50 s.
+        # Exact figures are goal_test's. By the wall clock it would take 60 * 50 s.
         self.assertTrue(60 <= took < 600, "expected 60 s of ROS time, took %.1f s" % took)
 
     def test_no_bowl_while_the_clock_stands_and_on_when_it_goes(self):
-        goal_id = self.probe.send(3)
-        self.wash(goal_id, 2)
-        self.expect_no_more_than(goal_id, 2)
-        self.clock.turn(1, self.probe)
-        self.probe.wait_bowls(goal_id, 3)
-        self.clock.turn(1, self.probe)
-        self.check_ending(goal_id, SUCCEEDED, bowls(3))
-
-    def test_cancel_while_the_clock_stands(self):
-        goal_id = self.probe.send(5)
-        self.wash(goal_id, 2)
-        self.probe.cancel(goal_id)
-        self.check_ending(goal_id, PREEMPTED, bowls(2))
+        goal_id = self.wash(3, 2)
+        with self.assertRaises(AssertionError, msg="a bowl while the clock stands"):
+            # Long enough for two more bowls of a server that lives by the wall clock.
+            self.probe.wait(lambda: self.probe.bowls_of(goal_id) != bowls(2) or goal_id in self.probe.results,
+                            "nothing", timeout=2.5)
+        self.finish(goal_id, 3)
 
     def test_stopped_and_started_again_on_the_run(self):
         goal_id = self.probe.send(20)
-        self.clock.run(50)
+        self.clock.run(0.2)
         self.probe.wait_bowls(goal_id, 5)
         self.clock.stop()
-        self.clock.run(50)
-        result = self.probe.wait_result(goal_id)
-        self.assertEqual((SUCCEEDED, bowls(20)), (result.status.status, result.result.dishes_washed))
+        self.clock.run(0.2)
+        self.probe.check_ending(goal_id, SUCCEEDED, bowls(20))
 
-    def test_clock_set_back_delays_no_bowl_and_repeats_none(self):
-        goal_id = self.probe.send(4)
-        self.wash(goal_id, 2)
-        self.clock.turn(0.5, self.probe)
+    def set_back(self):
+        """Set the clock back, and wait until the server has seen it, in steps so small that no bowl is due by them."""
         before = self.clock.now
         self.clock.set(before - rospy.Duration(100))
-        # In steps so small that no bowl is due by them: a status tells that the server has seen the jump.
-        self.probe.wait(lambda: self.clock.turn(0.01) or self.probe.status_stamp < before, "a status after the jump")
-        for washed in (3, 4):
-            self.clock.turn(1, self.probe)
-            self.probe.wait_bowls(goal_id, washed)
-        self.clock.turn(1, self.probe)
-        self.check_ending(goal_id, SUCCEEDED, bowls(4))
-        self.check_ending(self.probe.send(0), SUCCEEDED, [])
+        self.probe.wait(lambda: self.clock.turn(0.01) or self.probe.status.header.stamp < before, "a status after it")
+
+    def test_clock_set_back_delays_no_bowl_and_repeats_none(self):
+        goal_id = self.wash(4, 2)
+        self.clock.turn(0.5, self.probe)
+        self.set_back()
+        self.finish(goal_id, 4)
+        self.probe.check_ending(self.probe.send(0), SUCCEEDED, [])
+
+    def test_clock_set_back_between_goals_shuts_nobody_out(self):
+        self.probe.check_ending(self.probe.send(0), SUCCEEDED, [])
+        self.set_back()
+        self.probe.check_ending(self.probe.send(0), SUCCEEDED, [])
+
+    def test_client_is_patient_while_the_clock_stands(self):
+        self.clock.run(0.08, 0.02)
+        client = self.probe.client(3, "_heartbeat_timeout:=1")
+        client.expect("bowl-1")
+        self.clock.stop()
+        with self.assertRaises(AssertionError, msg="a bowl while the clock stands"):
+            client.expect("bowl-2", timeout=4)  # the fault itself: four times ~heartbeat_timeout
+        self.assertTrue(client.running(), client)
+        self.clock.run(0.08, 0.02)
+        check_client(client, 0, 3)
+        self.assertEqual("", client.stderr, "expected no alarm")
+
+    def test_client_washes_on_when_the_clock_is_set_back(self):
+        self.clock.run(0.08, 0.02)
+        client = self.probe.client(5, "_heartbeat_timeout:=3")
+        client.expect("bowl-1")
+        self.clock.turn(-100)
+        client.wait(20)  # the 100 s would take 25 s on this clock
+        check_client(client, 0, 5)
+        # Its next client works too, which hears the server's status, sent by a timer on the clock that was set back.
+        check_client(self.probe.client(20, "_heartbeat_timeout:=2"), 0, 20)  # which take 5 s on this clock
 
 
 if __name__ == "__main__":

@@ -1,0 +1,159 @@
+"""A probe on the action's five topics: sends goals and cancels as raw messages, and keeps all that comes back."""
+import itertools
+import threading
+import time
+import xmlrpc.client
+
+import rosgraph
+import rospy
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
+from actions_tutorial.msg import WashTheDishesActionFeedback, WashTheDishesActionGoal, WashTheDishesActionResult
+
+from processes import eventually
+
+PENDING, ACTIVE, PREEMPTED, SUCCEEDED, ABORTED, RECALLED, PREEMPTING = (
+    GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTED, GoalStatus.SUCCEEDED, GoalStatus.ABORTED,
+    GoalStatus.RECALLED, GoalStatus.PREEMPTING)
+NAMES = {value: name for name, value in vars(GoalStatus).items() if name.isupper()}
+ENDINGS = {PREEMPTED, SUCCEEDED, ABORTED, RECALLED, GoalStatus.REJECTED}
+
+
+def bowls(count):
+    """The bowls that count seconds of washing name."""
+    return ["bowl-%d" % i for i in range(count)]
+
+
+class Probe:
+    """Stands for the clients of wash_dishes_as in a namespace (str); topics: those that the other end has.
+
+    feedback, results: goal id -> its messages; states: goal id -> [status numbers in the order seen]; status: the last
+    GoalStatusArray; times: (goal id, "sent", status number, bowl or "result") -> time.monotonic() of the first one.
+    """
+
+    _numbers = itertools.count()
+
+    def __init__(self, namespace="", topics=("goal", "cancel", "feedback", "result", "status")):
+        self.namespace, self.topics, self.news = namespace, set(topics), threading.Condition()
+        self.action = namespace + "/wash_dishes_as/"
+        self.status = GoalStatusArray()
+        self.forget()
+        self.publishers = {
+            topic: rospy.Publisher(self.action + topic, kind, queue_size=1000)
+            for topic, kind in (("goal", WashTheDishesActionGoal), ("cancel", GoalID)) if topic in topics}
+        self._subscribers = {
+            topic: rospy.Subscriber(self.action + topic, kind, callback)
+            for topic, kind, callback in (("feedback", WashTheDishesActionFeedback, self.on_feedback),
+                                          ("result", WashTheDishesActionResult, self.on_result),
+                                          ("status", GoalStatusArray, self.on_status)) if topic in topics}
+
+    def forget(self):
+        """Begin with nothing, as a new probe."""
+        with self.news:
+            self.feedback, self.results, self.states, self.times = {}, {}, {}, {}
+            self.active_at_once = 0  # the most goals that one status message showed as ACTIVE or PREEMPTING
+
+    def close(self):
+        for end in [*self.publishers.values(), *self._subscribers.values()]:
+            end.unregister()
+
+    def connected(self):
+        """Whether goals and cancels reach the server, and its messages us. Each publisher tells for its own topics, as
+        does the server here: a subscriber counts a connection before it is one, and what is sent by then is lost."""
+        me = rospy.get_name()
+        try:
+            master = rosgraph.Master(me)
+            servers = dict(master.getSystemState()[0]).get(self.action + "result", [])
+            uris = [master.lookupNode(server) for server in servers]
+            connections = [xmlrpc.client.ServerProxy(uri).getBusInfo(me)[2] for uri in uris]
+        except (rosgraph.MasterError, OSError):
+            return False
+        return len(servers) == 1 and all(end.get_num_connections() for end in self.publishers.values()) and {
+            topic for _, to, way, _, topic, *_ in connections[0] if (to, way) == (me, "o")} >= {
+            self.action + topic for topic in self._subscribers}
+
+    def wait_connected(self, *processes):
+        """Wait until all messages go both ways, between us and the server among the processes if given. -> self"""
+        eventually(self.connected, "a server of %s, connected both ways" % self.action, self, *processes)
+        return self
+
+    def send(self, number_of_minutes, goal_id=None, stamp=None):
+        """Send a goal (int; stamp: rospy.Time, now unless given). Returns its id (str)."""
+        goal = WashTheDishesActionGoal()
+        goal.goal.number_of_minutes = number_of_minutes
+        goal.goal_id.id = "%s-%d" % (rospy.get_name(), next(self._numbers)) if goal_id is None else goal_id
+        goal.goal_id.stamp = rospy.Time.now() if stamp is None else stamp
+        self.times[goal.goal_id.id, "sent"] = time.monotonic()
+        self.publishers["goal"].publish(goal)
+        return goal.goal_id.id
+
+    def cancel(self, goal_id="", stamp=rospy.Time()):
+        """Send a cancel: of one goal, of all (no id, no stamp), or of all up to stamp."""
+        self.publishers["cancel"].publish(GoalID(id=goal_id, stamp=stamp))
+
+    def wait(self, condition, what, timeout=30):
+        """Wait until condition() is true, and return its value. AssertionError with what and all that came."""
+        return eventually(condition, what, self, timeout=timeout, news=self.news, pause=0.1)
+
+    def wait_bowls(self, goal_id, count):
+        """Wait for count bowls of feedback. Returns [WashTheDishesActionFeedback]."""
+        self.wait(lambda: len(self.feedback.get(goal_id, [])) >= count, "%d bowls of %s" % (count, goal_id))
+        return self.feedback[goal_id]
+
+    def wait_result(self, goal_id=None):
+        """Wait for the ending of a goal, of the first one that ends unless given. -> WashTheDishesActionResult"""
+        if goal_id is None:
+            goal_id = self.wait(lambda: list(self.results), "a result")[0]
+        self.wait(lambda: self.results.get(goal_id), "a result of %.60s" % goal_id)
+        self.wait(lambda: self.ended(goal_id), "an ending of %.60s in the status" % goal_id)
+        assert len(self.results[goal_id]) == 1, "expected one result of %.60s, came: %s" % (goal_id, self)
+        return self.results[goal_id][0]
+
+    def ended(self, goal_id):
+        """Whether the status has shown the goal's end."""
+        return ENDINGS & set(self.states.get(goal_id, []))
+
+    def check_ending(self, goal_id, state, washed):
+        """Expect one result, with that state (int) and those bowls ([str]), and feedback that names the same."""
+        result = self.wait_result(goal_id)
+        assert (result.status.status, result.result.dishes_washed) == (state, washed), \
+            "expected %s to end %s with %s, came: %s" % (goal_id, NAMES[state], washed, self)
+        self.wait(lambda: self.bowls_of(goal_id) == washed, "feedback of %s for %s" % (washed, goal_id))
+        return result
+
+    def bowls_of(self, goal_id):
+        """The bowls that feedback has named so far."""
+        return [message.feedback.last_dish_washed for message in self.feedback.get(goal_id, [])]
+
+    def on_feedback(self, message):
+        self._keep(self.feedback, message, message.feedback.last_dish_washed)
+
+    def on_result(self, message):
+        self._keep(self.results, message, "result")
+
+    def _keep(self, where, message, event):
+        now, goal_id = time.monotonic(), message.status.goal_id.id
+        with self.news:
+            self.times.setdefault((goal_id, event), now)
+            where.setdefault(goal_id, []).append(message)
+            self.news.notify_all()
+
+    def on_status(self, message):
+        now = time.monotonic()
+        with self.news:
+            self.status = message
+            for status in message.status_list:
+                seen = self.states.setdefault(status.goal_id.id, [])
+                if not seen or seen[-1] != status.status:
+                    self.times.setdefault((status.goal_id.id, status.status), now)
+                    seen.append(status.status)
+            self.active_at_once = max(self.active_at_once, sum(
+                status.status in (ACTIVE, PREEMPTING) for status in message.status_list))
+            self.news.notify_all()
+
+    def __str__(self):
+        with self.news:
+            last = list(dict.fromkeys([*self.states, *self.feedback, *self.results]))[-5:]
+            return "\n".join("%.60s: states %s, bowls %s, results %s" % (
+                goal_id, [NAMES[state] for state in self.states.get(goal_id, [])], self.bowls_of(goal_id),
+                [(NAMES[one.status.status], one.status.text, one.result.dishes_washed)
+                 for one in self.results.get(goal_id, [])]) for goal_id in last) or "no goal in any message"

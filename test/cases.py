@@ -1,0 +1,158 @@
+"""The bases of the tests: a scene, which is a server and its clients in a namespace, and the cases that play in it."""
+import threading
+import unittest
+from concurrent.futures import Future
+
+import rospy
+
+from action_probe import PENDING, ACTIVE, PREEMPTING, SUCCEEDED, Probe, bowls
+from processes import Group
+from simulated_clock import SimulatedClock
+
+# s that a bound of the contract is exceeded by at most, because the clock here runs while a loaded machine starts
+# other interpreters on the same cores; a node that is really late hangs for ever, or is late by its own time-outs.
+SLACK = 4
+
+
+class Scene(Probe, Group):
+    """A namespace (str) on this process's master, with what is said and what runs in it."""
+
+    def __init__(self, namespace):
+        Probe.__init__(self, namespace)
+        Group.__init__(self, ROS_NAMESPACE=namespace)
+
+    def server(self, *arguments, **options):
+        """Start a server, and wait until messages go both ways. -> Process"""
+        server = self.node("action_server.py", *arguments, **options)
+        self.wait_connected(server)
+        return server
+
+    def client(self, minutes, *arguments, **options):
+        """Start a client with this goal, by default one that does not fear a slow machine. -> Process"""
+        return self.node("action_client.py", "_number_of_minutes:=%d" % minutes,
+                         *(arguments or ["_heartbeat_timeout:=20"]), **options)
+
+    def serves(self):
+        """Wait until the server has washed one more bowl."""
+        self.check_ending(self.send(1), SUCCEEDED, bowls(1))
+
+    def stop(self):
+        Group.stop(self)
+        self.close()
+
+    def __str__(self):
+        return "\n".join([Probe.__str__(self)] + [str(process) for process in self.processes])
+
+
+class ServerCase(unittest.TestCase):
+    """Each test finds a server with nothing to do, one second after whatever was before, on a clock in its hand."""
+
+    @classmethod
+    def setUpClass(cls):
+        rospy.init_node("server_case", disable_signals=True)
+        cls.clock = SimulatedClock()
+        cls.start_server()
+
+    @classmethod
+    def start_server(cls):
+        cls.probe = Scene("")
+        cls.addClassCleanup(cls.probe.stop)
+        cls.probe.server()
+        cls.clock.lead(cls.probe)
+
+    def setUp(self):
+        self.clock.stop()
+        if any(states[-1] in (PENDING, ACTIVE, PREEMPTING) for states in self.probe.states.values()):
+            self.probe.stop()  # left by a test that failed, say, which is no reason for this one to fail, too
+            self.start_server()
+        self.clock.turn(1, self.probe)
+        self.probe.active_at_once = 0
+
+    def wash(self, minutes, count):
+        """Send a goal, and turn the clock on second by second until it has named count bowls. Returns its id."""
+        goal_id = self.probe.send(minutes)
+        for already in range(1, count + 1):
+            if already > 1:
+                self.clock.turn(1, self.probe)
+            self.probe.wait_bowls(goal_id, already)
+        return goal_id
+
+    def finish(self, goal_id, minutes):
+        """Turn the clock on second by second until a goal of so many minutes has ended as it should. -> its result"""
+        for count in range(len(self.probe.bowls_of(goal_id)) + 1, minutes + 1):
+            self.clock.turn(1, self.probe)
+            self.probe.wait_bowls(goal_id, count)
+        self.assertNotIn(goal_id, self.probe.results, "ended before its last second was over: %s" % self.probe)
+        self.clock.turn(1, self.probe)
+        return self.probe.check_ending(goal_id, SUCCEEDED, bowls(minutes))
+
+
+class NodeCase(unittest.TestCase):
+    """Tests in a process that is a node, so that scenes see messages."""
+
+    @classmethod
+    def setUpClass(cls):
+        rospy.init_node("node_case", disable_signals=True)
+
+
+def concurrently(place, at_once=4):
+    """Class decorator: run a TestCase's tests side by side, as they mostly wait; each still has its own outcome.
+
+    The first of them starts them all. Each test is given a place of its own, place(its name) (Scene or Master), and
+    shares nothing else; it has no set-up nor clean-up methods.
+    """
+    slots, runs = threading.Semaphore(at_once), {}
+
+    def run(test, future):
+        with slots:
+            try:
+                with place("/" + test.__name__) as here:
+                    future.set_result(test(here))
+            except BaseException as error:
+                future.set_exception(error)
+
+    def decorate(case):
+        tests = {name: getattr(case(name), name) for name in vars(case) if name.startswith("test_")}
+
+        def outcome(name):
+            def joined(_):
+                if not runs:
+                    runs.update((one, Future()) for one in tests)
+                    for one, test in tests.items():
+                        threading.Thread(target=run, args=[test, runs[one]], daemon=True).start()
+                runs[name].result()
+            return joined
+
+        for name in tests:
+            setattr(case, name, outcome(name))
+        return case
+    return decorate
+
+
+def printed_bowls(client):
+    """Returns the bowls (list of str) that a client (Process) printed as feedback, and those of its result or None."""
+    feedback, _, result = client.stdout.partition("The result is: ")
+    named = [line.split('"')[1] for line in feedback.splitlines() if "last_dish_washed" in line]
+    return named, [line[4:] for line in result.splitlines() if line.startswith("  - ")] if result else None
+
+
+def check_client(client, status, count):
+    """Wait for the end of a client (Process): exit status (int), and count bowls as feedback and as its result."""
+    assert client.wait(60) == status, "expected exit status %d of %s" % (status, client)
+    assert printed_bowls(client) == (bowls(count), bowls(count)), "expected %d bowls of %s" % (count, client)
+
+
+def check_partial(client, at_least):
+    """Wait for a client (Process) that ends with exit status 1, at_least bowls as feedback, and a result with the same.
+    The last feedback may be missing: the result has a connection of its own and may overtake it."""
+    assert client.wait() == 1, "expected exit status 1 of %s" % client
+    named, result = printed_bowls(client)
+    assert result is not None and (named, result) == (bowls(len(named)), bowls(len(result))) \
+        and len(named) >= at_least and len(result) - len(named) in (0, 1), \
+        "expected %d bowls or more, and a result with the same, of %s" % (at_least, client)
+
+
+def check_quiet(*nodes):
+    """Expect no traceback from nodes (Process)."""
+    for node in nodes:
+        assert "Traceback" not in node.stdout + node.stderr, "expected no traceback of %s" % node

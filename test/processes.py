@@ -1,0 +1,184 @@
+"""The processes of a test: started, read as they speak, measured, signalled, and none left behind. A master is one."""
+import atexit
+import os
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import tempfile
+import threading
+import time
+
+import psutil
+import rosgraph
+
+
+def eventually(condition, what, *concerned, timeout=30, news=None, pause=0.02):
+    """Wait until condition() is true, and return its value. It is asked every pause (s), and when news
+    (threading.Condition) is notified.
+
+    AssertionError with what (str) and all that those concerned (Process, Probe) have said, after timeout (s), and at
+    once when a Process among them has ended. A second at once counts at the most: a machine that stood still itself,
+    as virtual ones do, has made nobody late.
+    """
+    waited, now, news = 0, time.monotonic(), news or threading.Condition()
+    with news:
+        while True:
+            over = any(isinstance(one, Process) and one.over() for one in concerned)
+            value = condition()
+            if value:
+                return value
+            before, now = now, time.monotonic()
+            waited += min(now - before, 1)
+            if over or waited > timeout:
+                raise AssertionError("\n".join(
+                    ["expected: %s; not so after %.1f s" % (what, waited)] + [str(one) for one in concerned]))
+            news.wait(pause)
+
+
+class Process:
+    """A command (list of str) in a process group of its own, with env (dict of str) added to the environment.
+
+    lines: [(seconds since the start, "stdout" or "stderr", text without newline)] of what is not sent elsewhere by
+    popen (as of subprocess.Popen), as they come; usage: psutil.Process.
+    """
+
+    def __init__(self, command, env=None, **popen):
+        self.command, self.lines, self._news, self.started = command, [], threading.Condition(), time.monotonic()
+        options = dict({"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}, **popen)
+        self._popen = subprocess.Popen(command, env=dict(os.environ, **env or {}), start_new_session=True,
+                                       universal_newlines=True, errors="replace", **options)
+        self.usage = psutil.Process(self._popen.pid)
+        self._readers = [threading.Thread(target=self._read, args=[name, pipe], daemon=True) for name, pipe in (
+            ("stdout", self._popen.stdout), ("stderr", self._popen.stderr)) if pipe]
+        for reader in self._readers:
+            reader.start()
+        atexit.register(self._kill)  # a test that is interrupted leaves none behind either
+
+    def expect(self, pattern, timeout=30):
+        """Wait until a line holds pattern (regex), also one that came earlier. Returns the match."""
+        def match():
+            return next(filter(None, (re.search(pattern, text) for _, _, text in self.lines)), None)
+
+        return eventually(match, "a line with /%s/" % pattern, self, timeout=timeout, news=self._news)
+
+    def wait(self, timeout=30):
+        """Wait until the process ends, for timeout (s). Returns its exit status (int; -n: killed by signal n)."""
+        eventually(lambda: not self.running(), "an end", self, timeout=timeout)
+        for reader in self._readers:
+            reader.join(5)  # a child of it may still hold the pipe
+        return self._popen.returncode
+
+    def running(self):
+        return self._popen.poll() is None
+
+    def over(self):
+        """Whether the process has ended and all that it said is in lines."""
+        return not self.running() and not any(reader.is_alive() for reader in self._readers)
+
+    def signal(self, number):
+        """Send a signal to the process alone, as kill(1) does."""
+        self._popen.send_signal(number)
+
+    def stop(self):
+        """Kill whatever is left of the group."""
+        self._kill()
+        self.wait()
+
+    def _kill(self):
+        try:
+            os.killpg(self._popen.pid, signal.SIGKILL)
+        except ProcessLookupError:
+            pass
+        atexit.unregister(self._kill)
+
+    def _read(self, name, pipe):
+        with pipe:
+            for text in pipe:
+                with self._news:
+                    self.lines.append((time.monotonic() - self.started, name, text.rstrip("\n")))
+                    self._news.notify_all()
+
+    def said(self, stream):
+        """The text that came on "stdout" or "stderr" so far."""
+        return "".join(text + "\n" for _, name, text in list(self.lines) if name == stream)
+
+    stdout = property(lambda self: self.said("stdout"))
+    stderr = property(lambda self: self.said("stderr"))
+
+    def __str__(self):
+        status = self._popen.poll()
+        return "\n".join(["'%s' (%s), which has said:" % (
+            " ".join(self.command), "running" if status is None else "exit status %d" % status)]
+            + ["  %7.3f s %s: %s" % line for line in list(self.lines)])
+
+
+class Group:
+    """Processes that end together, at the end of a with statement at the latest; env: added to their environment."""
+
+    def __init__(self, **env):
+        self.env, self.processes = env, []
+
+    def start(self, *command, stdout=subprocess.PIPE, **env):
+        """Start a command (str …). -> Process"""
+        self.processes.append(Process(list(command), dict(self.env, **env), stdout=stdout))
+        return self.processes[-1]
+
+    def node(self, name, *arguments, **options):
+        """Start one of the package's nodes by rosrun, which becomes the node, so that signals reach it. -> Process"""
+        return self.start("rosrun", "actions_tutorial", name, *arguments, **options)
+
+    def stop(self):
+        while self.processes:
+            self.processes.pop().stop()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.stop()
+
+
+class Master(Group):
+    """A rosmaster on a free port, with files of its own, and the processes that run on it; process: the master's."""
+
+    def __init__(self, _=None):
+        # Bound but not listening: nobody else is given the port, and the master may still listen there.
+        self._port = socket.socket()
+        self._port.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        self._port.bind(("127.0.0.1", 0))
+        self.uri = "http://localhost:%d" % self._port.getsockname()[1]
+        self.home = tempfile.mkdtemp(prefix="actions_tutorial-")
+        atexit.register(shutil.rmtree, self.home, ignore_errors=True)
+        super().__init__(ROS_MASTER_URI=self.uri, ROS_HOSTNAME="localhost", ROS_IP="", ROS_NAMESPACE="",
+                         ROS_HOME=self.home, ROS_LOG_DIR=os.path.join(self.home, "log"))
+        self.run()
+
+    @property
+    def api(self):
+        """The master's API (rosgraph.Master), a new one each time: threads cannot share one."""
+        return rosgraph.Master("/test", self.uri)
+
+    def run(self):
+        """Start the master, also again on the same port after kill()."""
+        self.process = Process(["rosmaster", "--core", "-p", self.uri.rpartition(":")[2]], self.env)
+        eventually(lambda: rosgraph.is_master_online(self.uri), "a master at " + self.uri, self.process, self)
+
+    def kill(self):
+        """Kill the master alone; its nodes live on."""
+        self.process.stop()
+
+    def stop(self):
+        super().stop()
+        self.kill()
+        self._port.close()
+        shutil.rmtree(self.home, ignore_errors=True)
+
+    def __str__(self):
+        """What the master, which hardly ever says a word, has written into its log."""
+        log = os.path.join(self.env["ROS_LOG_DIR"], "master.log")
+        if not os.path.exists(log):
+            return "no %s" % log
+        with open(log) as file:
+            return "%s:\n%s" % (log, file.read()[-4000:])

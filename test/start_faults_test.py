@@ -1,0 +1,138 @@
+#!/usr/bin/python3
+"""What prevents the start of a node, or is wrong on its command line: one line that names it, and an exit status."""
+import os
+import signal
+import time
+import unittest
+
+import rostest
+
+from cases import check_client, check_quiet, concurrently
+from processes import Master, eventually
+
+SCRIPTS = os.path.join(os.path.dirname(os.path.realpath(__file__)), "..", "scripts")
+NODES = "action_server.py", "action_client.py", "add_two_numbers_server.py"
+LATE = 20  # s; what does not end at once when it cannot start hangs for ever
+
+
+def hears_ctrl_c(node):
+    """Whether SIGINT would call a function in a node (Process), as Python itself sees to when it starts."""
+    with open("/proc/%d/status" % node.usage.pid) as status:
+        caught = next(line.split()[1] for line in status if line.startswith("SigCgt"))
+    return bool(int(caught, 16) >> (signal.SIGINT - 1) & 1)
+
+
+@concurrently(Master)
+class StartFaults(unittest.TestCase):
+
+    def refused(self, node, status, *words):
+        """The node (Process) soon ends with this exit status, and one line on stderr that holds the words (str …)."""
+        self.assertEqual(status, node.wait(), node)
+        self.assertEqual("", node.stdout, node)
+        self.assertEqual(1, len(node.stderr.splitlines()), "lines on stderr of %s" % node)
+        for word in words:
+            self.assertIn(word, node.stderr, node)
+
+    def test_help_shows_parameters_defaults_and_exit_statuses_without_a_master(self, master):
+        master.kill()
+        for argument in "--help", "-h":
+            client = master.node("action_client.py", argument)
+            self.assertEqual(0, client.wait(), client)
+            for word in ("~number_of_minutes", "7", "~server_timeout", "~heartbeat_timeout", "5", "Exit status"):
+                self.assertIn(word, client.stdout, client)
+            self.assertEqual("", client.stderr, client)
+
+    def test_argument_that_is_none_is_refused(self, master):
+        cases = {
+            "3": "unknown argument '3'",
+            "--number_of_minutes=3": "unknown argument '--number_of_minutes=3'",
+            "_number_of_minutes:=1:=2": "unknown argument '_number_of_minutes:=1:=2'",
+            "_number_of_minuets:=3": "unknown parameter ~number_of_minuets, must be one of ~number_of_minutes",
+            "number_of_minutes:=3": "'number_of_minutes:=3' renames a topic, must be _number_of_minutes:=3",
+            "~number_of_minutes:=3": "must be _number_of_minutes:=3",
+        }
+        for client, words in [(master.node("action_client.py", argument), words) for argument, words in cases.items()]:
+            self.refused(client, 2, words)
+        self.refused(master.node("action_server.py", "_a:=b:=c"), 1, "'_a:=b:=c', must be NAME:=VALUE")
+
+    def test_topic_may_be_renamed(self, master):
+        master.node("action_server.py", "wash_dishes_as:=other")
+        check_client(master.node("action_client.py", "wash_dishes_as:=other", "_number_of_minutes:=1"), 0, 1)
+
+    def test_wrong_parameter_of_an_earlier_run_is_named_as_such(self, master):
+        master.api.setParam("/action_client/heartbeat_timeout", "long")
+        self.refused(master.node("action_client.py"), 2, "~heartbeat_timeout is 'long', must be a number from 0.001",
+                     "from the parameter server; `rosparam delete /action_client`")
+
+    def test_master_uri_that_is_none_is_named(self, master):
+        for uri in "localhost:11311", "http://", "http://localhost", "http://localhost:port":
+            for node in [master.node(name, ROS_MASTER_URI=uri) for name in NODES]:
+                self.refused(node, 1, "ROS_MASTER_URI is '%s', must be like http://localhost:11311" % uri)
+
+    def wrong_parameter_of_actionlib(self, master, node, name, value):
+        master.api.setParam(name, value)
+        node = master.node(node)
+        self.refused(node, 1, name.rpartition("/")[2] + " is %r" % value)
+
+    def test_wrong_frequency_of_the_status_stops_the_server_in_one_line(self, master):
+        self.wrong_parameter_of_actionlib(master, "action_server.py", "/actionlib_status_frequency", "fast")
+
+    def test_wrong_queue_stops_the_server_in_one_line(self, master):
+        self.wrong_parameter_of_actionlib(master, "action_server.py", "/actionlib_server_pub_queue_size", "long")
+
+    def test_wrong_queue_stops_the_client_in_one_line(self, master):
+        self.wrong_parameter_of_actionlib(master, "action_client.py", "/actionlib_client_pub_queue_size", "long")
+
+    def test_frozen_master_is_waited_for_no_longer_than_the_time_out(self, master):
+        master.process.signal(signal.SIGSTOP)
+        client = master.node("action_client.py", "_server_timeout:=3")
+        self.refused(client, 1, "no master %s within 3 s (~server_timeout)" % master.uri)
+        self.assertGreater(client.lines[-1][0], 3, client)
+
+    def test_time_out_counts_once_for_master_and_server(self, master):
+        master.process.signal(signal.SIGSTOP)
+        client = master.node("action_client.py", "_server_timeout:=12")
+        waits, _, _ = client.lines[0] if client.expect("waiting for the master .*, 5 s") else None
+        master.process.signal(signal.SIGCONT)
+        self.assertEqual(1, client.wait(), client)
+        self.assertIn("no action /wash_dishes_as within 12 s (~server_timeout)", client.stderr, client)
+        # By the client's own clock: 7 s later; a second count would make it 12 s.
+        self.assertLess(client.lines[-1][0] - waits, 11, client)
+
+    def test_frozen_master_is_said_every_5_s_and_its_return_is_noticed(self, master):
+        master.process.signal(signal.SIGSTOP)
+        server = master.node("action_server.py")
+        server.expect("waiting for the master %s, 5 s" % master.uri)
+        master.process.signal(signal.SIGCONT)
+        server.expect("waits for goals")
+
+    def test_ctrl_c_while_a_node_starts_is_one_line_at_most(self, master):
+        whole = master.node("action_server.py")
+        whole.expect("waits for goals")
+        whole = whole.lines[-1][0]
+        for name in NODES[:2]:
+            for part in range(6):
+                node = master.start("/usr/bin/python3", os.path.join(SCRIPTS, name))
+                # Python's own start, some 50 ms, prints a traceback whatever we do.
+                eventually(lambda: hears_ctrl_c(node), "Python to start", node, pause=0)
+                eventually(lambda: not hears_ctrl_c(node), "robust to begin its imports", node, pause=0)
+                begun = time.monotonic()
+                eventually(lambda: time.monotonic() - begun >= whole * part / 6, "a part of the start", pause=0.001)
+                node.signal(signal.SIGINT)
+                self.assertIn(node.wait(LATE), (0, 1, -signal.SIGINT), node)
+                check_quiet(node)
+                said = [line for line in node.stderr.splitlines() if not line.endswith("s so far")]  # slow machine
+                self.assertLessEqual(len(said), 1, "lines on stderr of %s" % node)
+
+    def test_name_that_a_library_lacks_is_one_line_with_its_version(self, master):
+        for name, lacking in (("action_server.py", "actionlib.SimpleActionServer.executeLoop"),
+                              ("action_client.py", "rospy.core.add_shutdown_hook")):
+            library, _, attribute = lacking.partition(".")[0], *lacking.rpartition(".")[1:]
+            node = master.start("/usr/bin/python3", "-c", "import actionlib, rospy.core, runpy\ndel %s\n"
+                                "runpy.run_path(%r, run_name='__main__')" % (lacking, os.path.join(SCRIPTS, name)))
+            self.assertEqual(1, node.wait(LATE), node)
+            self.assertRegex(node.stderr, r"^.*%s \d+\.\d+\.\d+ has no \S+%s, .*\n$" % (library, attribute), node)
+
+
+if __name__ == "__main__":
+    rostest.rosrun("actions_tutorial", "start_faults", StartFaults)
