@@ -1,0 +1,55 @@
+# shellcheck shell=bash
+# ./tutorial test. To be sourced by it.
+
+run_tests() {
+    local name targets=() log="$WS/log/test.log" status=0
+    for name in "${@%.test}"; do
+        [[ -f $CHECKOUT/test/$name.test ]] || die "there is no test/$name.test"
+        targets+=("run_tests_actions_tutorial_rostest_test_$name.test")
+    done
+    set_up "${RUN[@]}" "${TEST[@]}"
+    lock "$WS/build"
+    rm -rf "$WS/build/test_results" "$log"
+    say 'testing …'
+    run make_tests "${targets[@]-run_tests}" || status=1
+    catkin_test_results "$WS/build/test_results" | tail -n 1 >> "$log"
+    if ((!$#)); then
+        say 'typing the pages …'
+        run type_readme || status=1
+    fi
+    count_tests "$status"
+}
+
+# A line for each test as it passes or fails, then what those that failed had to say.
+make_tests() {
+    local status told='^\[.*\]\[(passed|FAILURE|ERROR)\]|^make.*\*\*\*|^CMake Error|^Cannot find results'
+    # cmake once more: it keeps the environment of its first run, which knew no messages yet (ros/catkin#974).
+    make_workspace --force-cmake -DCATKIN_ENABLE_TESTING=ON -j2 --output-sync=target "$@" 2>&1 | to_the_end tee "$log" |
+        to_the_end sed -nuE "/$told/ { s/^/    /; s/-*\$//p }" >&3
+    status=$?
+    sed -n '/\]\[\(FAILURE\|ERROR\)\]/,/^---/p; /^\[Testcase:.*!$/,/^SUMMARY/p' "$log" >&3
+    return "$status"
+}
+
+# Each section of the page counts as a test.
+type_readme() {
+    local name status=0
+    for name in readme_checks readme_walk; do
+        "$CHECKOUT/tools/$name" 2>&1 | to_the_end tee -a "$log" |
+            to_the_end sed -u '/^[0-9]* passed, /d; s/^/    /' >&3 || status=1
+    done
+    return "$status"
+}
+
+# count_tests STATUS: says the last line; succeeds if STATUS is 0, some tests ran and all passed.
+count_tests() {
+    local passed failed
+    read -r passed failed <<< "$(awk '
+        /^Summary: / { passed += $2 - $4 - $6 - $8; failed += $4 + $6 }
+        /^[0-9]+ passed, [0-9]+ failed$/ { passed += $1; failed += $3 }
+        END { print passed + 0, failed + 0 }' "$log")"
+    if (($1 && !failed)); then failed=1; fi # a step that broke off without a count
+    if ((failed || !passed)); then say "all that was said is in $log"; fi
+    say "$passed passed, $failed failed"
+    ((passed && !failed))
+}
