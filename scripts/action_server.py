@@ -21,7 +21,6 @@ class ActionServer:
     def execute_cb(self, goal):
         """Wash goal.number_of_minutes bowls, one a second, in the server's thread. Each goal ends with one call of
         set_succeeded, set_preempted or set_aborted, and with the bowls so far."""
-        rospy.loginfo("goal accepted: number_of_minutes %d", goal.number_of_minutes)
         result = WashTheDishesResult()
         if goal.number_of_minutes < 0:
             self.a_server.set_aborted(result, "number_of_minutes is %d, must be 0 or more" % goal.number_of_minutes)

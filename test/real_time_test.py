@@ -22,7 +22,7 @@ class TestRealTime(unittest.TestCase):
         rospy.init_node("real_time", disable_signals=True)
         cls.probe = Scene("")
         cls.addClassCleanup(cls.probe.stop)
-        cls.probe.server()
+        cls.server = cls.probe.server()
 
     def since(self, begun, goal_id, event):
         """Wait for the event. Returns the seconds from begun (as of time.monotonic()) to it."""
@@ -40,6 +40,8 @@ class TestRealTime(unittest.TestCase):
             # Never early but by what the first one was late, and late by what a busy machine may take.
             self.assertTrue(i - 0.5 < second < i + 2, "expected second %d, came %s" % (i, seconds))
         self.assertTrue(3.9 < took < 15, "expected 4 s, took %.2f s" % took)
+        self.server.expect("goal accepted: number_of_minutes 4$")
+        self.server.expect("goal SUCCEEDED: all done$")
 
     def test_cancel_and_newer_goal_act_at_once(self):
         cancelled, handed_over = [], []

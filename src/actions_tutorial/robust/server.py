@@ -1,4 +1,5 @@
 """SimpleActionServer: takes a goal up at once, stops at once, and leaves no goal without an ending."""
+import collections
 import threading
 import time
 
@@ -26,10 +27,10 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         need("actionlib", self, "lock", "execute_callback", "execute_thread", "execute_condition", "action_server",
              "current_goal", "next_goal", "preempt_callback")
         self._shutting_down = self._closed = False
-        self._ending = None  # of the last goal, to be logged
         self._fed_back = 0  # time.monotonic() of the last feedback
         self.action_server = _ActionServer(
             name, ActionSpec, self.internal_goal_callback, self.internal_preempt_callback, auto_start=False)
+        self.action_server.active_soon = self.is_new_goal_available
         if execute_cb:
             self.execute_callback = execute_cb
             self.execute_condition = _GoalCondition(self)
@@ -59,11 +60,11 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         return self._shutting_down or super().is_preempt_requested()
 
     def accept_new_goal(self):
-        """Every client sees the goal ACTIVE before its feedback."""
+        """Every client sees the goal ACTIVE before its feedback. Without it, nothing tells that a goal came."""
         with self.action_server.lock:
             self.action_server.at_once = True
             goal = super().accept_new_goal()
-        self._log_ending()
+        self.action_server.news.append(goal)
         return goal
 
     def set_succeeded(self, result=None, text=""):
@@ -84,22 +85,15 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def _end_goal(self, state, set_state, result, text):
         """Without it, nothing tells how a goal ended, and one that ends too late raises (rospy/topics.py, publish)."""
         if self.is_active() and not self._closed:
-            self._ending = "goal %s: %s" % (state, text)
+            self.action_server.news.append("goal %s: %s" % (state, text))
         if state != "PREEMPTED":
-            self._log_ending()
+            self.action_server.log_news()
             log.flush(0.05)  # on a terminal that both share, it then stands above what the client says of the result
             # The result would now and then overtake the last feedback, which its client then drops.
             time.sleep(max(0, self._fed_back + LATER - time.monotonic()))
         with self.action_server.lock:
             if not self._closed:
                 set_state(result, text)
-        if not self.is_new_goal_available():  # which has waited long enough
-            self._log_ending()
-
-    def _log_ending(self):
-        if self._ending:
-            rospy.loginfo("%s", self._ending)
-        self._ending = None
 
     def publish_feedback(self, feedback):
         """Without it, feedback that comes too late raises, too."""
@@ -115,7 +109,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             if not self.is_active() and not self.is_new_goal_available():
                 self.current_goal = self.next_goal = actionlib.ServerGoalHandle()
         super().internal_goal_callback(goal)
-        rate.wake()
+        if self.is_active():
+            rate.wake()
 
     def internal_preempt_callback(self, preempt):
         """Without it, a cancel does not wake rate.sleep()."""
@@ -157,6 +152,10 @@ class _ActionServer(actionlib.ActionServer):
 
     at_once = False  # whether the next status is urgent
 
+    def __init__(self, *args, **options):
+        self.news, self._logging = collections.deque(), threading.Lock()  # goals and texts to log
+        super().__init__(*args, **options)
+
     def initialize(self):
         """Without it, a parameter of a wrong type is a TypeError that names no parameter; and the status timer, the
         clients' heartbeat, dies when the clock is set back (rospy/timer.py, Timer.run before 1.17)."""
@@ -172,14 +171,14 @@ class _ActionServer(actionlib.ActionServer):
         if self.status_timer:
             self.status_timer.shutdown()
             self.status_timer = rospy.Timer(
-                rospy.Duration(1 / self.status_frequency), lambda _: self.publish_status(), reset=True)
+                rospy.Duration(1 / self.status_frequency), lambda _: self._due.set(), reset=True)
 
     def publish_status(self):
         """Leave it to a thread. Without it, a status goes out to each client before the result that one of them waits
         for (actionlib/server_goal_handle.py, set_cancel_requested)."""
         if self.at_once:
             self.publish_status_now()
-        else:
+        elif not self.active_soon():  # which brings the next one, and to wake the thread takes time
             self._due.set()
 
     def publish_status_now(self):
@@ -195,6 +194,15 @@ class _ActionServer(actionlib.ActionServer):
             with self.lock:
                 if self._due.is_set():  # still, now that nobody else has the lock
                     self.publish_status_now()
+            self.log_news()
+
+    def log_news(self):
+        """Log with the next status. Without it, a line of log, which takes as long as a message, comes before the first
+        feedback of the goal that it tells of."""
+        with self._logging:
+            while self.news:
+                news = self.news.popleft()
+                rospy.loginfo("%s", news if isinstance(news, str) else _accepted(news))
 
     def stop_status(self):
         """Publish the last one."""
@@ -208,3 +216,9 @@ class _ActionServer(actionlib.ActionServer):
             if any(tracker.goal and tracker.status.goal_id.id == goal.goal_id.id for tracker in self.status_list):
                 rospy.logwarn("goal ignored: its id '%.60s' is that of a recent goal", goal.goal_id.id)
             super().internal_goal_callback(goal)
+
+
+def _accepted(goal):
+    fields = ((name, getattr(goal, name)) for name in goal.__slots__)
+    return "goal accepted: " + ", ".join(
+        "%s %.60r" % field for field in fields if isinstance(field[1], (bool, int, float, str)))
