@@ -109,7 +109,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             if not self.is_active() and not self.is_new_goal_available():
                 self.current_goal = self.next_goal = actionlib.ServerGoalHandle()
         super().internal_goal_callback(goal)
-        if self.is_active():
+        if self.is_preempt_requested():
             rate.wake()
 
     def internal_preempt_callback(self, preempt):
