@@ -1,12 +1,11 @@
-"""The benchmark's figures: the rows made of its samples, as a table, a picture and JSON."""
+"""The benchmark's figures: the rows made of its samples, as a table and JSON."""
 import json
 import math
 import os
 import platform
 import statistics
-import tempfile
 
-import timeline
+import pictures
 from measure import TIMELINE
 
 
@@ -96,31 +95,6 @@ def table(rows):
     return "\n".join("| " + " | ".join(cell.ljust(width) for cell, width in zip(line, widths)) + " |" for line in lines)
 
 
-def plot(samples, server, path):
-    """Write cancel → result as cumulative distributions to path (SVG, the same bytes for the same samples)."""
-    with tempfile.TemporaryDirectory() as os.environ["MPLCONFIGDIR"]:
-        import matplotlib
-        matplotlib.use("svg")
-        matplotlib.rcParams["svg.hashsalt"] = "actions_tutorial"
-        from matplotlib import pyplot
-        figure, axes = pyplot.subplots(figsize=(8, 4.5))
-        for kind, name, colour, label in (
-                ("floor", "ping", "tab:gray", "bare ROS: a message\nand its answer"),
-                ("ours", "cancel", "tab:blue", server + ",\nwoken by the cancel"),
-                ("polling", "cancel", "tab:orange", "a server that looks for\na cancel once a second")):
-            times = sorted(1e3 * value for value in samples[name, kind])
-            share = [100 * (i + 1) / len(times) for i in range(len(times))]
-            axes.plot([times[0]] + times, [0] + share, drawstyle="steps-post", color=colour, linewidth=2,
-                      label="%s\nmedian %.3g ms" % (label, statistics.median(times)))
-        axes.set_xscale("log")
-        axes.xaxis.set_major_formatter(matplotlib.ticker.FuncFormatter(lambda value, _: "%g" % value))
-        axes.set(xlabel="time since the cancel was sent (ms, logarithmic)", ylabel="cancels answered by then (%)",
-                 ylim=(0, 100), title="How long a cancelled goal takes to end")
-        axes.grid(True, which="both", alpha=0.25)
-        axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, labelspacing=1.5)
-        figure.savefig(path, format="svg", bbox_inches="tight", metadata={"Date": None, "Creator": None})
-
-
 def machine():
     with open("/etc/os-release") as file:
         system = dict(line.rstrip().split("=", 1) for line in file if "=" in line).get("PRETTY_NAME", "").strip('"')
@@ -138,11 +112,11 @@ def report(benchmark, seconds, args):
                        "samples": {"%s, %s" % key: values for key, values in samples.items()}},
                       file, indent=1, ensure_ascii=False)
     if args.plot and not {"cancel"} & set(benchmark.failures):
-        plot(samples, server, args.plot)
+        pictures.plot(samples, server, args.plot)
     if args.timeline and benchmark.timeline:
-        timeline.draw([("A server that looks for a cancel once a second", benchmark.timeline["polling"]),
-                       (server + ", woken by newer goal and cancel", benchmark.timeline["ours"])],
-                      list(zip(TIMELINE, ("a newer goal is sent", "it is cancelled"))), args.timeline)
+        pictures.timeline([("A server that looks for a cancel once a second", benchmark.timeline["polling"]),
+                           (server + ", woken by newer goal and cancel", benchmark.timeline["ours"])],
+                          list(zip(TIMELINE, ("a newer goal is sent", "it is cancelled"))), args.timeline)
     print(table(rows))
     print("\n%s; %d s. n: %s" % (machine(), seconds, ", ".join(
         "%s %s" % (row["label"].split(",")[0], "/".join(str(n) for n in row["n"].values())) for row in rows[:6:2])))

@@ -1,21 +1,50 @@
-"""Draws how two servers take a newer goal and a cancel, as SVG, from what Benchmark.measure_timeline saw."""
+"""The benchmark's pictures, as SVG: the same bytes for the same samples."""
+import contextlib
 import os
+import statistics
 import tempfile
 
 COLOURS = {"waits (PENDING)": "lightgray", "washes (ACTIVE)": "tab:blue", "asked to stop, washes on": "tab:orange"}
 
 
-def took(seconds):
-    return "%.0f ms" % (1e3 * seconds) if seconds >= 0.01 else "%.1f ms" % (1e3 * seconds)
-
-
-def draw(lines, requests, path):
-    """lines: [(title, [goal of Benchmark.measure_timeline])]; requests: [(s, what is asked for)]; path: the file."""
+@contextlib.contextmanager
+def drawing(path):
+    """Yields matplotlib.pyplot, whose figure goes to path at the end."""
     with tempfile.TemporaryDirectory() as os.environ["MPLCONFIGDIR"]:
         import matplotlib
         matplotlib.use("svg")
         matplotlib.rcParams["svg.hashsalt"] = "actions_tutorial"
         from matplotlib import pyplot
+        yield pyplot
+        pyplot.savefig(path, format="svg", bbox_inches="tight", metadata={"Date": None, "Creator": None})
+
+
+def plot(samples, server, path):
+    """Draw cancel → result as cumulative distributions."""
+    with drawing(path) as pyplot:
+        _, axes = pyplot.subplots(figsize=(8, 4.5))
+        for kind, name, colour, label in (
+                ("floor", "ping", "tab:gray", "bare ROS: a message\nand its answer"),
+                ("ours", "cancel", "tab:blue", server + ",\nwoken by the cancel"),
+                ("polling", "cancel", "tab:orange", "a server that looks for\na cancel once a second")):
+            times = sorted(1e3 * value for value in samples[name, kind])
+            share = [100 * (i + 1) / len(times) for i in range(len(times))]
+            axes.plot([times[0]] + times, [0] + share, drawstyle="steps-post", color=colour, linewidth=2,
+                      label="%s\nmedian %.3g ms" % (label, statistics.median(times)))
+        axes.set_xscale("log")
+        axes.xaxis.set_major_formatter(pyplot.FuncFormatter(lambda value, _: "%g" % value))
+        axes.set(xlabel="time since the cancel was sent (ms, logarithmic)", ylabel="cancels answered by then (%)",
+                 ylim=(0, 100), title="How long a cancelled goal takes to end")
+        axes.grid(True, which="both", alpha=0.25)
+        axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, labelspacing=1.5)
+
+
+def timeline(lines, requests, path):
+    """Draw how servers take a newer goal and a cancel.
+
+    lines: [(title, [goal of Benchmark.measure_timeline])]; requests: [(s, what is asked for)]; path: the file.
+    """
+    with drawing(path) as pyplot:
         figure, all_axes = pyplot.subplots(len(lines), figsize=(9, 4.6), sharex=True)
         for axes, (title, goals) in zip(all_axes, lines):
             draw_server(axes, goals)
@@ -26,10 +55,13 @@ def draw(lines, requests, path):
                     axes.annotate(what, (second, 1), (0, 16), xycoords=("data", "axes fraction"),
                                   textcoords="offset points", ha="center")
         all_axes[-1].set(xlabel="seconds since the first goal was sent", xlim=(-0.1, 7))
-        handles = [matplotlib.patches.Patch(color=colour, label=state) for state, colour in COLOURS.items()]
+        handles = [pyplot.Rectangle((0, 0), 1, 1, color=colour, label=state) for state, colour in COLOURS.items()]
         figure.legend(handles=handles, loc="lower center", ncol=3, frameon=False, bbox_to_anchor=(0.5, -0.07))
         figure.tight_layout()
-        figure.savefig(path, format="svg", bbox_inches="tight", metadata={"Date": None, "Creator": None})
+
+
+def took(seconds):
+    return "%.0f ms" % (1e3 * seconds) if seconds >= 0.01 else "%.1f ms" % (1e3 * seconds)
 
 
 def draw_server(axes, goals):
