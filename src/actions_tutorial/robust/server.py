@@ -1,5 +1,6 @@
 """SimpleActionServer: takes a goal up at once, stops at once, and leaves no goal without an ending."""
 import collections
+import contextlib
 import threading
 import time
 
@@ -153,7 +154,7 @@ class _ActionServer(actionlib.ActionServer):
     at_once = False  # whether the next status is urgent
 
     def __init__(self, *args, **options):
-        self.news, self._logging = collections.deque(), threading.Lock()  # goals and texts to log
+        self.news, self._logging, self._log = collections.deque(), threading.Lock(), threading.Event()
         super().__init__(*args, **options)
 
     def initialize(self):
@@ -167,7 +168,8 @@ class _ActionServer(actionlib.ActionServer):
         super().initialize()
         need("actionlib", self, "status_timer", "status_frequency", "started", "lock", "status_list")
         self._due = threading.Event()
-        threading.Thread(target=self._publish_status_when_due, daemon=True).start()
+        for target in self._publish_status_when_due, self._log_after_it:
+            threading.Thread(target=target, daemon=True).start()
         if self.status_timer:
             self.status_timer.shutdown()
             self.status_timer = rospy.Timer(
@@ -194,15 +196,22 @@ class _ActionServer(actionlib.ActionServer):
             with self.lock:
                 if self._due.is_set():  # still, now that nobody else has the lock
                     self.publish_status_now()
+            self._log.set()
+
+    def _log_after_it(self):
+        """Without it, a line of log, which takes as long as a message, comes before the first feedback of the goal that
+        it tells of. A thread of its own: where init_node was not ours, a stopped terminal stops whoever logs."""
+        while self._log.wait():
+            self._log.clear()
             self.log_news()
 
     def log_news(self):
-        """Log with the next status. Without it, a line of log, which takes as long as a message, comes before the first
-        feedback of the goal that it tells of."""
+        """Log what waits in news: each goal accepted, each ending (str)."""
         with self._logging:
             while self.news:
                 news = self.news.popleft()
-                rospy.loginfo("%s", news if isinstance(news, str) else _accepted(news))
+                with contextlib.suppress(OSError):  # as does a closed one
+                    rospy.loginfo("%s", news if isinstance(news, str) else _accepted(news))
 
     def stop_status(self):
         """Publish the last one."""
