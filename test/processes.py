@@ -13,6 +13,8 @@ import time
 import psutil
 import rosgraph
 
+SCRIPTS = os.path.join(os.path.dirname(os.path.realpath(__file__)), "..", "scripts")
+
 
 def eventually(condition, what, *concerned, timeout=30, news=None, pause=0.02):
     """Wait until condition() is true, and return its value. It is asked every pause (s), and when news
@@ -126,8 +128,9 @@ class Group:
         return self.processes[-1]
 
     def node(self, name, *arguments, **options):
-        """Start one of the package's nodes by rosrun, which becomes the node, so that signals reach it. -> Process"""
-        return self.start("rosrun", "actions_tutorial", name, *arguments, **options)
+        """Start one of the package's nodes. Not by rosrun, which looks for it for longer than it takes to start.
+        -> Process"""
+        return self.start(os.path.join(SCRIPTS, name), *arguments, **options)
 
     def stop(self):
         while self.processes:

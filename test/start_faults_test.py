@@ -8,9 +8,8 @@ import unittest
 import rostest
 
 from cases import check_client, check_quiet, concurrently
-from processes import Master, eventually
+from processes import SCRIPTS, Master, eventually
 
-SCRIPTS = os.path.join(os.path.dirname(os.path.realpath(__file__)), "..", "scripts")
 NODES = "action_server.py", "action_client.py", "add_two_numbers_server.py"
 LATE = 20  # s; what does not end at once when it cannot start hangs for ever
 
@@ -112,7 +111,7 @@ class StartFaults(unittest.TestCase):
         whole = whole.lines[-1][0]
         for name in NODES[:2]:
             for part in range(6):
-                node = master.start("/usr/bin/python3", os.path.join(SCRIPTS, name))
+                node = master.node(name)
                 # Python's own start, some 50 ms, prints a traceback whatever we do.
                 eventually(lambda: hears_ctrl_c(node), "Python to start", node, pause=0)
                 eventually(lambda: not hears_ctrl_c(node), "robust to begin its imports", node, pause=0)
