@@ -7,9 +7,9 @@ import unittest
 
 import rostest
 
-from processes import SCRIPTS, Process
+from processes import PACKAGE, Process
 
-BENCHMARK = os.path.join(SCRIPTS, "..", "tools", "benchmark", "run.py")
+BENCHMARK = os.path.join(PACKAGE, "tools", "benchmark", "run.py")
 FIGURES = """
     cancel_result_median cancel_result_p99 newer_active_median newer_active_p99 goal_feedback_median goal_feedback_p99
     bowl_error_p99 drift idle_cpu memory cpu_bowl_small cpu_bowl_middle cpu_bowl_large goals_a_second goals_paused start
@@ -37,7 +37,7 @@ class TestBenchmark(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             server, figures = os.path.join(folder, "slow_server.py"), os.path.join(folder, "figures.json")
             with open(server, "w") as file:
-                file.write(SLOW_SERVER % (SLEEP, os.path.join(SCRIPTS, "action_server.py")))
+                file.write(SLOW_SERVER % (SLEEP, os.path.join(PACKAGE, "scripts", "action_server.py")))
             run = Process([BENCHMARK, "--quick", "--server", server, "--json", figures])
             self.addCleanup(run.stop)
             self.assertEqual(1, run.wait(200), run)

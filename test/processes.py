@@ -13,7 +13,7 @@ import time
 import psutil
 import rosgraph
 
-SCRIPTS = os.path.join(os.path.dirname(os.path.realpath(__file__)), "..", "scripts")
+PACKAGE = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))  # its folder
 
 
 def eventually(condition, what, *concerned, timeout=30, news=None, pause=0.02):
@@ -130,7 +130,7 @@ class Group:
     def node(self, name, *arguments, **options):
         """Start one of the package's nodes. Not by rosrun, which looks for it for longer than it takes to start.
         -> Process"""
-        return self.start(os.path.join(SCRIPTS, name), *arguments, **options)
+        return self.start(os.path.join(PACKAGE, "scripts", name), *arguments, **options)
 
     def stop(self):
         while self.processes:

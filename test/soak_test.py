@@ -5,13 +5,12 @@ import unittest
 
 import rostest
 
-from processes import Process
+from processes import PACKAGE, Process
 
 
 class Soak(unittest.TestCase):
     def test_short_soak(self):
-        tool = os.path.join(os.path.dirname(os.path.realpath(__file__)), "..", "tools", "soak")
-        soak = Process([tool, "--goals", "300"])
+        soak = Process([os.path.join(PACKAGE, "tools", "soak"), "--goals", "300"])
         self.addCleanup(soak.stop)
         self.assertEqual(soak.wait(120), 0, soak)
         self.assertIn("passed", soak.stdout, soak)

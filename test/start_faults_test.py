@@ -8,7 +8,7 @@ import unittest
 import rostest
 
 from cases import check_client, check_quiet, concurrently
-from processes import SCRIPTS, Master, eventually
+from processes import PACKAGE, Master, eventually
 
 NODES = "action_server.py", "action_client.py", "add_two_numbers_server.py"
 LATE = 20  # s; what does not end at once when it cannot start hangs for ever
@@ -128,7 +128,8 @@ class StartFaults(unittest.TestCase):
                               ("action_client.py", "rospy.core.add_shutdown_hook")):
             library, _, attribute = lacking.partition(".")[0], *lacking.rpartition(".")[1:]
             node = master.start("/usr/bin/python3", "-c", "import actionlib, rospy.core, runpy\ndel %s\n"
-                                "runpy.run_path(%r, run_name='__main__')" % (lacking, os.path.join(SCRIPTS, name)))
+                                "runpy.run_path(%r, run_name='__main__')" % (
+                                    lacking, os.path.join(PACKAGE, "scripts", name)))
             self.assertEqual(1, node.wait(LATE), node)
             self.assertRegex(node.stderr, r"^.*%s \d+\.\d+\.\d+ has no \S+%s, .*\n$" % (library, attribute), node)
 

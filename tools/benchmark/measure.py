@@ -19,10 +19,10 @@ import rospy
 HERE = os.path.dirname(os.path.realpath(__file__))
 sys.path.insert(0, os.path.join(HERE, "..", "..", "test"))
 from action_probe import ACTIVE, Probe  # noqa: E402
-from processes import SCRIPTS, eventually  # noqa: E402
+from processes import PACKAGE, eventually  # noqa: E402
 from simulated_clock import SimulatedClock  # noqa: E402
 
-SERVERS = {"ours": os.path.join(SCRIPTS, "action_server.py"),
+SERVERS = {"ours": os.path.join(PACKAGE, "scripts", "action_server.py"),
            "polling": os.path.join(HERE, "polling_server.py"), "floor": os.path.join(HERE, "floor.py")}
 # instances: servers that take samples side by side; a sample is mostly waiting, and a polling server's the longest.
 # Then: samples of each of them for a figure, starts, bowls to time, sizes under simulated time, clients connected and
