@@ -29,6 +29,7 @@ class ServerFaults(NodeCase):
         interrupt(server)
         self.assertEqual(server.wait(), 0, server)
         self.assertLess(time.monotonic() - begun, 2 + SLACK, "expected an end within 2 s of %s" % server)
+        server.expect("goal ABORTED: the server is shutting down$")
         check_partial(client, 2)
         self.assertLess(time.monotonic() - begun, 2 + SLACK, "expected an end within 2 s of %s" % client)
         self.assertRegex(client.stderr, "ABORTED.*shutting down", client)
