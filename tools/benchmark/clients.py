@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Connects N action clients, each a node of its own, to the servers of some namespaces: clients.py N NAMESPACE …
+"""Connects N action clients, each a node of its own, to the server in a namespace: clients.py N NAMESPACE
 
 They are forked after the imports, so that 50 of them start in seconds and fit into memory. They end with this process.
 """
@@ -12,12 +12,9 @@ from actions_tutorial import robust
 from actions_tutorial.msg import WashTheDishesAction
 
 
-def client(namespaces):
+def client(namespace):
     rospy.init_node("client", anonymous=True)
-    servers = [robust.SimpleActionClient(namespace + "/wash_dishes_as", WashTheDishesAction)
-               for namespace in namespaces]
-    for server in servers:
-        server.wait_for_server()
+    robust.SimpleActionClient(namespace + "/wash_dishes_as", WashTheDishesAction).wait_for_server()
     print("connected", flush=True)
     rospy.spin()
 
@@ -27,7 +24,7 @@ if __name__ == "__main__":
     for _ in range(int(sys.argv[1])):
         children.append(os.fork())
         if not children[-1]:
-            client(sys.argv[2:])
+            client(sys.argv[2])
             sys.exit()
     for child in children:
         os.waitpid(child, 0)

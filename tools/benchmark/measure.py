@@ -6,6 +6,7 @@ time.monotonic() in plain publishers and subscribers: SimpleActionClient would a
 """
 import contextlib
 import functools
+import gc
 import os
 import random
 import signal
@@ -24,19 +25,18 @@ from simulated_clock import SimulatedClock  # noqa: E402
 
 SERVERS = {"ours": os.path.join(PACKAGE, "scripts", "action_server.py"),
            "polling": os.path.join(HERE, "polling_server.py"), "floor": os.path.join(HERE, "floor.py")}
-# instances: servers that take samples side by side; a sample is mostly waiting, and a polling server's the longest.
-# Then: samples of each of them for a figure, starts, bowls to time, sizes under simulated time, clients connected and
-# their samples, goals in a row, and ended goals that may still be listed when something is measured.
-FULL = {"instances": {"ours": 3, "polling": 6, "floor": 1},
-        "samples": {"ours": 52, "polling": 26, "floor": 200},
+# instances: servers that take samples side by side; a sample is mostly waiting. Then: samples of each of them for a
+# figure, the least seconds for a goal, a newer one and its cancel, starts, bowls to time, sizes under simulated time,
+# clients connected and their samples, goals in a row, and ended goals that may still be listed when something is
+# measured.
+FULL = {"instances": {"ours": 5, "polling": 5, "floor": 1},
+        "samples": {"ours": 31, "polling": 31, "floor": 200}, "cycle": 2.5,
         "starts": 7, "bowls": 60, "sizes": (100, 1000, 10000),
-        "clients": (1, 10, 50, 200), "client_samples": {"ours": 24, "polling": 12, "floor": 48}, "burst": 112,
-        "listed": 2}
+        "clients": (1, 10, 50, 200), "client_samples": {"ours": 36, "floor": 72}, "burst": 112, "listed": 2}
 QUICK = {"instances": {"ours": 2, "polling": 2, "floor": 1},
-         "samples": {"ours": 3, "polling": 2, "floor": 12},
+         "samples": {"ours": 3, "polling": 2, "floor": 12}, "cycle": 0,
          "starts": 1, "bowls": 3, "sizes": (5, 10, 20),
-         "clients": (1, 2, 3, 4), "client_samples": {"ours": 4, "polling": 2, "floor": 8}, "burst": 10,
-         "listed": 30}
+         "clients": (1, 2, 3, 4), "client_samples": {"ours": 4, "floor": 8}, "burst": 10, "listed": 30}
 TIMELINE = (2.3, 4.6)  # s of a newer goal and of its cancel in the picture
 TIMEOUT = 60  # s, for anything that takes a second or two
 
@@ -148,6 +148,7 @@ class Benchmark:
                 peer.close()
 
     def quiet(self):
+        gc.freeze()  # to look through all messages, which are kept, for garbage takes up to 0.2 s, in a sample's midst
         self.stage = "waiting until the ended goals are forgotten"
         for peer in self.peers["ours"] + self.peers["polling"]:
             # Those that have ended make each publication slower, until the library forgets them after 5 s.
@@ -200,6 +201,7 @@ class Benchmark:
             if kind == "floor":
                 self.ping(peer, first, "ping")
             else:
+                begun = time.monotonic()
                 # An idle server's slowest clock is its status, every 0.2 s: the goal comes at any time within that.
                 time.sleep(before / 5)
                 with self.turn:
@@ -211,6 +213,8 @@ class Benchmark:
                 peer.took(goal_id, "bowl-0")
                 time.sleep(second)
                 self.cancel(kind, peer, goal_id, "cancel")
+                # No server goes ahead: a goal that has ended is listed for 5 s, and a longer status takes longer.
+                time.sleep(max(0.0, begun + self.plan["cycle"] - time.monotonic()))
             yield
 
     def ping(self, peer, phase, figure):
@@ -240,13 +244,14 @@ class Benchmark:
             yield
 
     def measure_with_clients(self, step):
-        """More clients connect to the first server of each kind; they only listen, as idle clients do."""
+        """More clients connect to our first server; they only listen, as idle clients do. Not to a polling one: of 150
+        that start at once, rospy may leave some unconnected for minutes."""
         clients = self.plan["clients"][step]
         more, self.connected = clients - self.connected, clients
         if more:
             self.stage = "connecting %d clients" % clients
             process = self.master.start(sys.executable, os.path.join(HERE, "clients.py"), str(more),
-                                        "/ours_0", "/polling_0")
+                                        self.peers["ours"][0].namespace)
             eventually(lambda: process.stdout.count("connected") == more, self.stage, process, timeout=3 * TIMEOUT)
         self.quiet()
         self.in_parallel([(self.cancels, kind, self.peers[kind][0], count, "clients %d" % step)
