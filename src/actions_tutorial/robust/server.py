@@ -226,5 +226,5 @@ class _ActionServer(actionlib.ActionServer):
 
 def _accepted(goal):
     fields = ((name, getattr(goal, name)) for name in goal.__slots__)
-    return "goal accepted: " + ", ".join(
-        "%s %.60r" % field for field in fields if isinstance(field[1], (bool, int, float, str)))
+    plain = ", ".join("%s %.60r" % field for field in fields if isinstance(field[1], (bool, int, float, str)))
+    return "goal accepted: " + plain if plain else "goal accepted"
