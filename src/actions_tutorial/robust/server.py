@@ -7,7 +7,7 @@ import time
 import actionlib
 import rospy
 
-from . import connections, rate
+from . import connections, log, rate
 from .libraries import need
 from .parameters import get_param
 
@@ -87,7 +87,9 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         """Without it, nothing tells how a goal ended, and one that ends too late raises (rospy/topics.py, publish)."""
         if self.is_active() and not self._closed:
             self.action_server.news.append("goal %s: %s" % (state, text))
-        if state != "PREEMPTED":  # which is to come at once
+        if state != "PREEMPTED":
+            self.action_server.log_news()
+            log.flush(0.05)  # on a terminal that both share, it then stands above what the client says of the result
             # The result would now and then overtake the last feedback, which its client then drops.
             time.sleep(max(0, self._fed_back + LATER - time.monotonic()))
         with self.action_server.lock:
@@ -133,8 +135,6 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             self._closed = True
             self.action_server.stop_status()
         time.sleep(0.1)  # rospy sends from a thread of its own and cannot be asked when it is done
-        while self.action_server.news and time.monotonic() < limit:
-            time.sleep(0.01)
 
 
 class _GoalCondition(threading.Condition):
@@ -154,7 +154,7 @@ class _ActionServer(actionlib.ActionServer):
     at_once = False  # whether the next status is urgent
 
     def __init__(self, *args, **options):
-        self.news, self._log = collections.deque(), threading.Event()  # what to log: goals accepted, endings (str)
+        self.news, self._logging, self._log = collections.deque(), threading.Lock(), threading.Event()
         super().__init__(*args, **options)
 
     def initialize(self):
@@ -200,21 +200,24 @@ class _ActionServer(actionlib.ActionServer):
 
     def _log_after_it(self):
         """Without it, a line of log, which takes as long as a message, comes before the first feedback of the goal that
-        it tells of, or before the result. A thread of its own: where init_node was not ours, a stopped terminal stops
-        whoever logs."""
+        it tells of. A thread of its own: where init_node was not ours, a stopped terminal stops whoever logs."""
         while self._log.wait():
             self._log.clear()
+            self.log_news()
+
+    def log_news(self):
+        """Log what waits in news: each goal accepted, each ending (str)."""
+        with self._logging:
             while self.news:
+                news = self.news.popleft()
                 with contextlib.suppress(OSError):  # as does a closed one
-                    rospy.loginfo("%s", self.news[0] if isinstance(self.news[0], str) else _accepted(self.news[0]))
-                self.news.popleft()
+                    rospy.loginfo("%s", news if isinstance(news, str) else _accepted(news))
 
     def stop_status(self):
         """Publish the last one."""
         with self.lock:
             self.publish_status_now()
             self.started = False
-        self._log.set()
 
     def internal_goal_callback(self, goal):
         """Without it, a goal with the id of a recent one is ignored without a word."""
