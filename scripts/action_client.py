@@ -3,15 +3,15 @@
 
 Private parameters, set with _NAME:=VALUE:
   ~number_of_minutes   the goal: how many bowls to wash (default 7)
-  ~server_timeout      seconds to wait for the master and then the server; 0: for ever (default 0)
+  ~server_timeout      seconds to wait for the master and again for the server; 0: for ever (default 0)
   ~heartbeat_timeout   seconds without word of the goal after which the server counts as lost (default 5)
 
 Exit status: 0 SUCCEEDED; 1 any other ending; 2 a wrong parameter or argument; no goal was sent.
 """
 import sys
 
-from actions_tutorial import robust  # rospy's and actionlib's calls, made robust; first, so that Ctrl-C works at once
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
+from actions_tutorial import robust  # rospy's and actionlib's calls, made robust; before rospy, so that Ctrl-C is quiet
 import rospy
 
 PARAMETERS = {  # default, lowest, highest
@@ -26,16 +26,15 @@ def feedback_cb(msg):
     print("Feedback received: %s" % msg)
 
 
-def call_server(number_of_minutes, heartbeat_timeout):
+def call_server(number_of_minutes, server_timeout, heartbeat_timeout):
     """Send a goal and wait for its ending. Ctrl-C cancels it.
 
     Returns (result, failure): the result may be partial, or None; the failure (str) is None for SUCCEEDED.
     """
-    # actionlib.SimpleActionClient and a little more: heartbeat_timeout, get_failure(), and since_init, which waits for
-    # what the wait for the master has left of ~server_timeout.
+    # actionlib.SimpleActionClient and a little more: heartbeat_timeout and get_failure().
     client = robust.SimpleActionClient("wash_dishes_as", WashTheDishesAction, heartbeat_timeout=heartbeat_timeout)
-    if not client.wait_for_server(since_init=True):
-        return None, client.get_failure()
+    if not client.wait_for_server(rospy.Duration(server_timeout)):
+        return None, client.get_failure() + " (~server_timeout)"
     goal = WashTheDishesGoal()
     goal.number_of_minutes = number_of_minutes
     client.send_goal(goal, feedback_cb=feedback_cb)
@@ -45,9 +44,7 @@ def call_server(number_of_minutes, heartbeat_timeout):
 
 def main():
     """Returns the exit status."""
-    number_of_minutes, _, heartbeat_timeout = robust.init_node(
-        "action_client", usage=__doc__, parameters=PARAMETERS, timeout="~server_timeout")
-    result, failure = call_server(number_of_minutes, heartbeat_timeout)
+    result, failure = call_server(*robust.init_node("action_client", usage=__doc__, parameters=PARAMETERS))
     if result is not None:
         print("The result is: %s" % result)
     if failure:

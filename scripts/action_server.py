@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """The action server: washes one bowl a second, reports each one, and stops as soon as it is asked to."""
-from actions_tutorial import robust  # rospy's and actionlib's calls, made robust; first, so that Ctrl-C works at once
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesFeedback, WashTheDishesResult
+from actions_tutorial import robust  # rospy's and actionlib's calls, made robust; before rospy, so that Ctrl-C is quiet
 import rospy
 
 

@@ -2,8 +2,8 @@
 """The service to compare the action with: one call, one answer, and the caller waits for it."""
 import struct
 
-from actions_tutorial import robust  # first, so that Ctrl-C works at once
 from actions_tutorial.srv import AddTwoNumbers, AddTwoNumbersResponse
+from actions_tutorial import robust  # before rospy, so that Ctrl-C is quiet
 import rospy
 
 

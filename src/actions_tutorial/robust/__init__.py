@@ -3,25 +3,27 @@
     from actions_tutorial import robust
 
 robust.init_node, robust.get_param, robust.SimpleActionServer and robust.SimpleActionClient take the place of
-rospy.init_node, rospy.get_param, actionlib.SimpleActionServer and actionlib.SimpleActionClient. Import it before rospy.
+rospy.init_node, rospy.get_param, actionlib.SimpleActionServer and actionlib.SimpleActionClient; whatever else actionlib
+has, robust has, too. Import it before rospy.
 """
 import signal
 import sys
 import threading
 
-# Without this, Ctrl-C in the half second that the imports below take prints a traceback. init_node takes over.
-if threading.current_thread() is threading.main_thread() and not hasattr(sys, "ps1"):
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
-
+# While the imports below take half a second, Ctrl-C ends the program without a traceback; then it is as it was.
+_quiet = threading.current_thread() is threading.main_thread() and "rospy" not in sys.modules and \
+    not hasattr(sys, "ps1") and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+if _quiet:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 # rospy complains of these when it is imported, and does not say what is allowed. init_node does.
-_argv, sys.argv = sys.argv, [argument for argument in getattr(sys, "argv", []) if argument.count(":=") < 2]
+_argv, sys.argv = sys.argv, [argument for argument in sys.argv if argument.count(":=") < 2]
 
-from .client import SimpleActionClient  # noqa: E402
-from .node import init_node  # noqa: E402
-from .parameters import get_param  # noqa: E402
-from .server import SimpleActionServer  # noqa: E402
+from actionlib import *  # noqa: E402, F401, F403  # what is not replaced below
+from .client import SimpleActionClient  # noqa: E402, F401
+from .node import init_node  # noqa: E402, F401
+from .parameters import get_param  # noqa: E402, F401
+from .server import SimpleActionServer  # noqa: E402, F401
 
 sys.argv = _argv
-
-__all__ = ["SimpleActionClient", "SimpleActionServer", "get_param", "init_node"]
+if _quiet:
+    signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -1,5 +1,5 @@
 """SimpleActionClient: loses no goal and no answer, notices a lost server, and cancels its goal on shutdown."""
-import random
+import secrets
 import threading
 import time
 import xmlrpc.client
@@ -10,11 +10,9 @@ import rospy
 from actionlib.simple_action_client import SimpleGoalState
 from actionlib_msgs.msg import GoalStatus, GoalStatusArray
 
-from . import closing, node
-from .libraries import name_of, need
-from .parameters import get_param
-
-NO_ANSWER = (OSError, rosgraph.MasterException, xmlrpc.client.Error)  # of a master or a node that is asked
+from . import node, peers, shutdown
+from .internals import NO_ANSWER, cannot_start, name_of, need
+from .parameters import get_params
 
 
 class SimpleActionClient(actionlib.SimpleActionClient):
@@ -25,14 +23,14 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     time that passes on the ROS clock counts.
     """
 
-    def __init__(self, ns, ActionSpec, heartbeat_timeout=5.0):
+    def __init__(self, ns, ActionSpec, *, heartbeat_timeout=5.0):
         try:
-            for name, default in ("actionlib_client_pub_queue_size", 10), ("actionlib_client_sub_queue_size", -1):
-                get_param(name, default)
+            get_params({"actionlib_client_pub_queue_size": (10, None, None),
+                        "actionlib_client_sub_queue_size": (-1, None, None)})
+            peers.serve_all_peers()
             super().__init__(ns, ActionSpec)
         except (OSError, ValueError) as error:
-            raise rospy.ROSInitException(
-                "the client of %s cannot start: %s" % (rospy.resolve_name(ns), error)) from error
+            raise cannot_start("the client of %s cannot start: %s" % (rospy.resolve_name(ns), error)) from error
         need("actionlib", self, "simple_state", "gh", "done_condition", "action_client", "_handle_transition")
         need("actionlib", self.action_client, "manager", "pub_goal", "pub_cancel", "last_status_msg")
         need("actionlib", self.action_client.manager, "list_mutex", "_generate_id")
@@ -44,7 +42,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         self._shutting_down = False
         self._make_ids_unique()
         self._status = rospy.Subscriber(rospy.remap_name(ns) + "/status", GoalStatusArray, self._hear)
-        rospy.on_shutdown(self._cancel_on_shutdown)
+        shutdown.at_end(self._cancel_on_shutdown)
 
     def _make_ids_unique(self):
         """Without it, two clients of one name give the same id while simulated time stands still: the server ignores
@@ -53,14 +51,13 @@ class SimpleActionClient(actionlib.SimpleActionClient):
 
         def generate_unique_id():
             goal_id = generate_id()
-            goal_id.id += "-%08x" % random.getrandbits(32)
+            goal_id.id += "-" + secrets.token_hex(4)
             return goal_id
 
         self.action_client.manager._generate_id = generate_unique_id
 
-    def wait_for_server(self, timeout=rospy.Duration(), since_init=False):
+    def wait_for_server(self, timeout=rospy.Duration()):
         """Like actionlib's, but timeout (rospy.Duration or s) is real time, and every 5 s it says what it waits for.
-        since_init: wait for what the wait for the master has left of init_node's timeout.
 
         Without it, a simulated clock that stands still stops the time-out, too; and a message sent while a connection
         is being made is lost.
@@ -69,11 +66,11 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             self._waiter = threading.Thread(target=self._connect, daemon=True)
             self._waiter.start()
         what = "action " + rospy.resolve_name(self.action_client.ns)
-        if since_init:
-            self._why = node.patience.wait_for(what, self._is_connected) or ""
-            return not self._why
         seconds = timeout.to_sec() if isinstance(timeout, rospy.Duration) else timeout
-        return node.wait_for(what, self._is_connected, seconds)
+        connected = node.wait_for(what, self._is_connected, seconds)
+        self._why = "" if connected else "interrupted while waiting for the %s" % what if rospy.is_shutdown() else \
+            "no %s within %g s" % (what, seconds)
+        return connected
 
     def _is_connected(self):
         return not self._waiter.is_alive() and not rospy.is_shutdown()
@@ -114,10 +111,10 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """Without it, an answer that comes before this returns is dropped as one for another goal."""
         with self.action_client.manager.list_mutex:  # it waits for this
             if self._shutting_down:
-                raise rospy.ROSInitException("the node was shut down before it sent its goal")
+                raise cannot_start("the node was shut down before it sent its goal")
             self._heard.clear()
             self._why = ""
-            closing.exit_status_if_killed = 1  # until the goal has an ending, nobody is to take it for a success
+            shutdown.unfinished.add(self.action_client)
             super().send_goal(goal, done_cb, active_cb, feedback_cb)
             self._believe_no_older_status(self.gh.comm_state_machine)
         threading.Thread(target=self._watch, args=[self.gh], daemon=True).start()
@@ -186,16 +183,17 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     def _handle_transition(self, gh):
         if gh.get_goal_status() == GoalStatus.LOST and not self._why:
             self._why = "the server no longer knows the goal"
+        if gh == self.gh and gh.get_goal_status() == GoalStatus.SUCCEEDED:
+            shutdown.unfinished.discard(self.action_client)
         super()._handle_transition(gh)
 
-    def _cancel_on_shutdown(self):
+    def _cancel_on_shutdown(self, deadline):
         """Without it, the server works on for nobody."""
         with self.action_client.manager.list_mutex:  # either send_goal is running, or it sends nothing from now on
             self._shutting_down = True
-        limit = time.monotonic() + 1
         if self._has_goal():
             self.cancel_goal()
-        while self._has_goal() and time.monotonic() < limit:
+        while self._has_goal() and time.monotonic() < deadline:
             time.sleep(0.01)
         if self._has_goal():
             self._why = "a cancel was sent, no ending came within 1 s"

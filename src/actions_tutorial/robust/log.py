@@ -1,85 +1,85 @@
-"""The log of a node, written by separate threads, so that no line of it can block or break the node."""
+"""The log of a node: no line of it can block or break the node, and what others sent cannot steer a terminal.
+
+A line goes to the terminal at once, if that takes it without waiting, so the lines of several nodes on one terminal
+stand in their order. A thread takes it to /rosout and the log file a moment later. While the terminal is stopped, a
+second thread holds its lines.
+"""
+import collections
+import contextlib
+import functools
 import logging
+import os
 import queue
+import select
 import sys
 import threading
 import time
 
 import rospy
+from rosgraph.roslogging import RosStreamHandler
 
-from .libraries import need
+from .internals import need
 
-LATER = 0.005  # s that a line waits while what it tells of goes out
-WAITING = 1000  # lines that may wait for a handler; further ones are lost
+LATER = 0.005  # s that a line for /rosout and the file waits, while what it tells of goes out
+WAITING = 1000  # lines that may wait for one of the two threads; further ones are lost
+AT_ONCE = 2000  # characters; a pipe that takes anything takes 4096 bytes without waiting
 
-_lines = queue.SimpleQueue()  # (_Front, record or, as a mark, threading.Event) in the order of their coming
-_hurry = threading.Event()  # somebody waits until they are written
+_ROSPY = os.path.join("rospy", "impl", "")
+
+_taken = []  # the handlers, as long as nobody has to wait for them
+_soon = collections.deque(maxlen=WAITING)  # lines on goals: functions that return them
 
 
-class _Front(logging.Handler):
-    """Takes the place of a handler, which gets the lines in a thread.
+def printable(text):
+    """Returns text (str) in one line, without what a terminal would obey."""
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
 
-    Without it, a terminal that is stopped, a log file on a disk that hangs or a frozen master holds up whoever logs,
-    and a stdout that is closed or full raises in the midst of a goal (rosgraph/roslogging.py, RosStreamHandler).
+
+def soon(line):
+    """Log line() (str) at the next catch_up(), to which the caller sees when what it tells of has gone out. Only in a
+    node that our init_node has started: elsewhere a line could hold up a goal."""
+    if _taken:
+        _soon.append(line)
+
+
+def catch_up():
+    """Write the lines that were logged with soon()."""
+    with contextlib.suppress(IndexError):
+        while _soon:
+            rospy.loginfo("%s", _soon.popleft()())
+
+
+def hold_nobody_up(handlers):
+    """Take over the handlers (logging.Handler) that rospy.init_node has made.
+
+    Without it, a terminal that is stopped, a disk that hangs or a frozen master holds up whoever logs, and a stdout
+    that is closed or full raises in the midst of a goal (rosgraph/roslogging.py, RosStreamHandler).
     """
-
-    def __init__(self, handler):
-        super().__init__(handler.level)
-        self.handler, self.records = handler, queue.SimpleQueue()
-        threading.Thread(target=self.write, daemon=True).start()
-
-    def emit(self, record):
-        record.msg, record.args = record.getMessage(), None  # the arguments may change before the thread gets at them
-        if self.records.qsize() < WAITING:
-            _lines.put((self, record))
-
-    def write(self):
-        while True:
-            record = self.records.get()
-            try:
-                if isinstance(record, threading.Event):
-                    record.set()
-                else:
-                    self.handler.emit(record)  # not handle(): what exits must not wait for the handler's lock
-            except Exception:
-                self.handler.handleError(record)
+    for handler in handlers:
+        write = functools.partial(_write, handler, handler.emit)
+        handler.handleError = functools.partial(_say_once, handler, [])
+        if isinstance(handler, RosStreamHandler):
+            need("rospy", handler, "_stdout", "_stderr")
+            handler._stdout = _own(handler._stdout)
+            handler.emit = functools.partial(_write_at_once, handler, write)
+        else:
+            handler.emit = functools.partial(_write_later, _others, write)
+        _taken.append(handler)
 
 
-def _hand_on():
-    """Whoever logs wakes this one thread. Without it, the threads of three handlers compete with a goal for Python's
-    lock: its first feedback took a third longer."""
-    while True:
-        lines = [_lines.get()]
-        _hurry.wait(LATER)
-        while not _lines.empty():
-            lines.append(_lines.get())
-        for front, record in lines:
-            front.records.put(record)
+def give_back():
+    """In a child process, which has no threads of ours."""
+    while _taken:
+        handler = _taken.pop()
+        del handler.emit, handler.handleError
 
 
-def say_faults_in_one_line():
-    """Without it, a disk that is full costs a traceback for each line of log."""
-    said = set()
-
-    def handle_error(handler, _):
-        if handler not in said:
-            said.add(handler)
-            try:
-                sys.stderr.write("cannot log to %s: %s\n" % (
-                    getattr(handler, "baseFilename", "the terminal"), sys.exc_info()[1]))
-            except OSError:
-                pass  # nobody is left to tell
-
-    logging.Handler.handleError = handle_error
-
-
-def hold_nobody_up():
-    """Put threads between the log and its handlers, after rospy.init_node."""
-    threading.Thread(target=_hand_on, daemon=True).start()
-    for logger in logging.getLogger(), logging.getLogger("rosout"):
-        for handler in list(logger.handlers):
-            logger.removeHandler(handler)
-            logger.addHandler(_Front(handler))
+def flush(seconds):
+    """Wait until the lines so far are written, at most so many seconds."""
+    end = time.monotonic() + seconds
+    catch_up()
+    while _terminal.waiting + _others.waiting and time.monotonic() < end:
+        time.sleep(0.005)
 
 
 def ask_the_master_once():
@@ -90,15 +90,86 @@ def ask_the_master_once():
     rospy.impl.paramserver.get_param_server_cache().set(key, rospy.get_param(key, False))
 
 
-def flush(seconds):
-    """Wait until the lines so far are written, at most so many seconds."""
-    end, marks = time.monotonic() + seconds, []
-    for logger in logging.getLogger(), logging.getLogger("rosout"):
-        for front in logger.handlers:
-            if isinstance(front, _Front) and front.records.qsize() < WAITING:
-                marks.append(threading.Event())
-                _lines.put((front, marks[-1]))
-    _hurry.set()
-    for mark in marks:
-        mark.wait(max(0, end - time.monotonic()))
-    _hurry.clear()
+class _Caller:
+    """A thread, started with its first call, that makes calls pause (s) after they came."""
+
+    def __init__(self, pause):
+        self._pause, self._calls, self._lock, self._thread = pause, queue.SimpleQueue(), threading.Lock(), None
+        self.waiting = 0
+
+    def put(self, call):
+        with self._lock:
+            if self.waiting >= WAITING:
+                return
+            if not self._thread:
+                self._thread = threading.Thread(target=self._run, daemon=True)
+                self._thread.start()
+            self.waiting += 1
+        self._calls.put(call)
+
+    def _run(self):
+        while True:
+            calls = [self._calls.get()]
+            time.sleep(self._pause)
+            while not self._calls.empty():
+                calls.append(self._calls.get())
+            for call in calls:
+                call()
+                with self._lock:
+                    self.waiting -= 1
+
+
+_terminal, _others = _Caller(0), _Caller(LATER)
+
+
+def _write_at_once(handler, write, record):
+    catch_up()
+    if _ROSPY in record.pathname:  # its warnings quote what a peer has sent
+        record.msg, record.args = printable(record.getMessage()), None
+    stream = handler._stdout if record.levelno < logging.WARNING else handler._stderr
+    if not _terminal.waiting and len(record.getMessage()) < AT_ONCE and _takes_a_line(stream):
+        write(record)
+    else:
+        _write_later(_terminal, write, record)
+
+
+def _write_later(caller, write, record):
+    record.msg, record.args = record.getMessage(), None  # the arguments may change before the thread gets at them
+    caller.put(functools.partial(write, record))
+
+
+def _takes_a_line(stream):
+    try:
+        poll = select.poll()
+        poll.register(stream.fileno(), select.POLLOUT)
+    except (AttributeError, OSError, ValueError):
+        return True  # no file of the system's
+    return bool(poll.poll(0))
+
+
+def _write(handler, emit, record):
+    try:
+        emit(record)
+    except Exception:
+        handler.handleError(record)
+
+
+def _say_once(handler, said, _):
+    """For handleError. Without it, a disk that is full costs a traceback for each line of log."""
+    if not said:
+        said.append(True)
+        try:
+            sys.stderr.write("cannot log to %s: %s\n" % (
+                getattr(handler, "baseFilename", "the terminal"), sys.exc_info()[1]))
+        except (AttributeError, OSError):
+            pass  # nobody is left to tell
+
+
+def _own(stream):
+    """Returns a stream of the log's own in place of Python's. Without it, a stdout that nobody reads holds up the end
+    of the program, because whoever writes to it keeps its lock."""
+    if stream is not sys.__stdout__:
+        return stream
+    if stream is None:
+        return open(os.devnull, "w")
+    return open(1, "w", buffering=1, encoding=stream.encoding, errors="backslashreplace", closefd=False)

@@ -1,5 +1,6 @@
 """init_node: a node that starts, or says in one line why it cannot."""
 import contextlib
+import logging
 import sys
 import threading
 import time
@@ -8,90 +9,72 @@ import urllib.parse
 import rosgraph
 import rospy
 
-from . import closing, connections, log, stdout
-from .libraries import is_initialized
+from . import log, peers, stdout
+from .internals import CannotStart, cannot_start, is_initialized, need
 from .parameters import check_arguments, get_params
+from .shutdown import Closer
 
-# rospy 1.15.9 (Debian 11) calls Thread.isAlive on shutdown, which Python 3.9 removed.
-if not hasattr(threading.Thread, "isAlive"):
-    threading.Thread.isAlive = threading.Thread.is_alive
+_rospy_init_node = rospy.init_node  # a program may put ours in its place
 
 
 def init_node(name, argv=None, anonymous=False, log_level=None, disable_rostime=False, disable_rosout=False,
-              disable_signals=False, xmlrpc_port=0, tcpros_port=0, usage=None, parameters=None, timeout=0):
-    """Like rospy.init_node, for a node that ends within 2 s of SIGINT, SIGTERM and SIGHUP, and that no log can block.
+              disable_signals=False, xmlrpc_port=0, tcpros_port=0, *, usage=None, parameters=None):
+    """Start the node, as rospy.init_node does, so that it ends within 2 s of SIGINT, SIGTERM and SIGHUP, and that no
+    line of log can stop or fail it.
 
     usage: what --help prints (str). With it, unknown arguments are refused.
-    parameters: {"~NAME": (default, lowest, highest)}, the private parameters, whose values are returned (tuple).
-    timeout: real seconds to wait for the master, or the name of the parameter that holds them; 0: for ever.
+    parameters: {"~NAME": (default, lowest, highest)}, the private parameters. One that is called ~server_timeout is
+        also how long to wait for the master (real s; 0: for ever).
 
-    What prevents the start is a rospy.ROSInitException that says what; if nothing catches it, that is one line of log
-    and exit status 1. A wrong argument or parameter is one line and exit status 2.
+    Returns the values (tuple) of parameters, also when it is called again. Raises ValueError for a name that is none
+    and rospy.ROSInitException for whatever else prevents the start; uncaught, the latter is one line and exit status 1.
+    A wrong argument or parameter is one line and exit status 2.
     """
-    options = (name, argv, anonymous, log_level, disable_rostime, disable_rosout, True, xmlrpc_port, tcpros_port)
-    if is_initialized():
-        return rospy.init_node(*options)
     arguments, parameters = (sys.argv if argv is None else argv)[1:], parameters or {}
+    options = name, argv, anonymous, log_level, disable_rostime, disable_rosout
+    ports = dict(xmlrpc_port=xmlrpc_port, tcpros_port=tcpros_port)
+    if is_initialized():
+        _rospy_init_node(*options, disable_signals, **ports)
+        return get_params(parameters)
+
+    # What can be refused without a master.
+    if not name or "/" in name:
+        raise ValueError("namespaces are not allowed in node names" if name else "name must not be empty")
     if usage and {"-h", "--help"} & set(arguments):
         print(usage.strip())
         sys.exit(0)
-    sys.excepthook = _say_in_one_line
-    stdout.open_standard_files()
-    with _exit_status_2():  # from the command line so far: a mistake there is refused without a master
+    with _exit_status_2():
         if usage:
             check_arguments(arguments, list(parameters))
         values = get_params(parameters)
     uri = _check_surroundings(arguments)
-    closer = closing.Closer()
+
+    # From here on a signal ends the node, whatever the main thread waits for.
+    closer = Closer()
     if not disable_signals:
         closer.heed_signals()
-    patience.begin(timeout, dict(zip(parameters, values)))
-    _wait_for_master(uri)
-    log.say_faults_in_one_line()
-    sys.stdout = stdout.for_the_log()
+    closer.begin()
     try:
-        rospy.init_node(*options)
+        _wait_for_master(uri, dict(zip(parameters, values)).get("~server_timeout", 0))
+        with _new_handlers_of_the_log() as handlers:
+            _start(options, ports)
+        # Now that rospy's pieces are there, they are mended.
+        record = rospy.client._init_node_args
+        rospy.client._init_node_args = record[:-1] + (disable_signals,)  # for a library that calls rospy.init_node, too
         log.ask_the_master_once()
-        connections.serve_all_peers()
-    except Exception as error:
+        log.hold_nobody_up(handlers)
+        stdout.take_over(closer.close)
+        peers.serve_all_peers()
+        closer.is_up()
+        with _exit_status_2():
+            return get_params(parameters)
+    except BaseException as error:
+        if not is_initialized():
+            closer.give_up()
+        if isinstance(error, (CannotStart, ValueError)) or not isinstance(error, Exception):
+            raise
         why = "interrupted" if rospy.is_shutdown() else error
-        raise rospy.ROSInitException("the node %s cannot start: %s" % (name, why)) from error
-    finally:
-        sys.stdout = stdout.ForPrint(closer.close)
-    log.hold_nobody_up()
-    closer.note_when_closed()
-    closing.exit_status_if_killed = 0
-    with _exit_status_2():
-        values = get_params(parameters)
-    patience.change(dict(zip(parameters, values)))
-    return values
-
-
-class _Patience:
-    """How long the node waits, from the beginning of init_node on: first for the master, then for a server."""
-
-    def __init__(self):
-        self.begin(0, {})
-
-    def begin(self, timeout, parameters):
-        self.begun, self.timeout = time.monotonic(), timeout
-        self.change(parameters)
-
-    def change(self, parameters):
-        """parameters: {name: value} as they are known by now."""
-        self.seconds = parameters.get(self.timeout, self.timeout)
-        self.name = self.timeout if self.timeout in parameters else "timeout"
-
-    def wait_for(self, what, is_there):
-        """Returns None when is_there(), else why not (str)."""
-        if wait_for(what, is_there, self.seconds and self.seconds - (time.monotonic() - self.begun)):
-            return None
-        if rospy.is_shutdown():
-            return "interrupted while waiting for the %s" % what
-        return "no %s within %g s (%s)" % (what, self.seconds, self.name)
-
-
-patience = _Patience()
+        raise cannot_start("the node %s cannot start: %s" % (name, why)) from error
 
 
 def wait_for(what, is_there, timeout=0):
@@ -114,7 +97,7 @@ def _check_surroundings(arguments):
     """Returns the master's URI. Without it, what is wrong is said in words such as "too many values to unpack"."""
     for argument in arguments:
         if argument.count(":=") > 1:
-            raise rospy.ROSInitException("the argument is %r, must be NAME:=VALUE" % argument)
+            raise cannot_start("the argument is %r, must be NAME:=VALUE" % argument)
     uri = rosgraph.get_master_uri()
     try:
         parts = urllib.parse.urlsplit(uri)
@@ -122,11 +105,11 @@ def _check_surroundings(arguments):
     except ValueError:  # of the port
         right = False
     if not right:
-        raise rospy.ROSInitException("ROS_MASTER_URI is %r, must be like http://localhost:11311" % uri)
+        raise cannot_start("ROS_MASTER_URI is %r, must be like http://localhost:11311" % uri)
     return uri
 
 
-def _wait_for_master(uri):
+def _wait_for_master(uri, timeout):
     """Without it, rospy waits for ever, and says so on stdout; and a master that is frozen, or behind a firewall that
     drops packets, holds up the main thread even so: rosgraph.is_master_online has no time-out."""
     answers, asking = [], threading.Thread()
@@ -139,9 +122,31 @@ def _wait_for_master(uri):
             asking.join(0.2)
         return any(answers)
 
-    why_not = patience.wait_for("master " + uri, is_online)
-    if why_not:
-        raise rospy.ROSInitException(why_not)
+    if not wait_for("master " + uri, is_online, timeout):
+        raise cannot_start("interrupted while waiting for the master %s" % uri if rospy.is_shutdown() else
+                           "no master %s within %g s (~server_timeout)" % (uri, timeout))
+
+
+def _start(options, ports):
+    need("rospy", rospy.client, "_init_node_args")
+    # rospy 1.15.9 (Debian 11) calls Thread.isAlive on shutdown, which Python 3.9 removed.
+    if "isAlive" in rospy.core.signal_shutdown.__code__.co_names and not hasattr(threading.Thread, "isAlive"):
+        threading.Thread.isAlive = threading.Thread.is_alive
+    _rospy_init_node(*options, True, **ports)
+
+
+@contextlib.contextmanager
+def _new_handlers_of_the_log():
+    """Gives a list that holds, at the end, the logging.Handlers that were added meanwhile. What goes wrong with them
+    is said later: without it, a disk that is full costs a traceback for each line of log."""
+    loggers = logging.getLogger(), logging.getLogger("rosout")
+    before = [handler for logger in loggers for handler in logger.handlers]
+    complain, logging.raiseExceptions, new = logging.raiseExceptions, False, []
+    try:
+        yield new
+    finally:
+        logging.raiseExceptions = complain
+        new += [handler for logger in loggers for handler in logger.handlers if handler not in before]
 
 
 @contextlib.contextmanager
@@ -152,11 +157,3 @@ def _exit_status_2():
     except ValueError as error:
         rospy.logfatal("%s", error)
         sys.exit(2)
-
-
-def _say_in_one_line(kind, error, trace):
-    """For sys.excepthook. Without it, each thing that prevents the start is a traceback of twenty lines."""
-    if isinstance(error, rospy.ROSInitException):
-        rospy.logfatal("%s", error)
-    else:
-        sys.__excepthook__(kind, error, trace)

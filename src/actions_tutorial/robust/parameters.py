@@ -4,31 +4,36 @@ import sys
 import rospy
 import yaml
 
-from .libraries import is_initialized
+from .internals import is_initialized
 
+_rospy_get_param = rospy.get_param  # a program may put ours in its place
 _UNSPECIFIED = object()
 _KINDS = {int: "a whole number", float: "a number", str: "a string", bool: "true or false", list: "a list",
           dict: "a dictionary"}
 
 
-def get_param(param_name, default=_UNSPECIFIED, lowest=None, highest=None):
-    """Like rospy.get_param; what it returns has the type of default and lies from lowest to highest (None: no limit).
+def get_param(param_name, default=_UNSPECIFIED, *, lowest=None, highest=None):
+    """Get a parameter, as rospy.get_param does, and check its value: it has the type of default and lies from lowest to
+    highest (None: no limit). A default of None, or of a type that ROS does not have, checks nothing.
 
     Before init_node it knows the private parameters of the command line, so that a node can refuse those first.
     Raises ValueError with parameter, value and what is allowed, KeyError if there is neither value nor default.
-    Without it, a wrong value fails much later, or not at all: a mistyped number is a string to ROS.
     """
     if default is _UNSPECIFIED:
-        return rospy.get_param(param_name)
+        return _rospy_get_param(param_name)
     given = _from_command_line(param_name)
     started = is_initialized()
-    value = rospy.get_param(param_name, default) if started else given.get(param_name, default)
+    value = _rospy_get_param(param_name, default) if started else given.get(param_name, default)
     kind = type(default)
+    if kind not in _KINDS:
+        return value
+    if rospy.get_param is get_param and kind is int and isinstance(value, float):
+        return value  # in rospy's place: a program that was written for rospy may mean any number
     right = isinstance(value, (int, float) if kind is float else kind) and isinstance(value, bool) == (kind is bool)
     if right and (lowest is None or lowest <= value) and (highest is None or value <= highest):
         return kind(value)
 
-    must_be = _KINDS.get(kind, kind.__name__)
+    must_be = _KINDS[kind]
     for word, limit in (("from", lowest), ("to", highest)):
         if limit is not None:
             must_be += " %s %s" % (word, limit if kind is int else "%g" % limit)
@@ -40,7 +45,8 @@ def get_param(param_name, default=_UNSPECIFIED, lowest=None, highest=None):
 
 def get_params(table):
     """Returns the values (tuple) of the parameters in table, {name: (default, lowest, highest)}. Raises ValueError."""
-    return tuple(get_param(name, *limits) for name, limits in table.items())
+    return tuple(get_param(name, default, lowest=lowest, highest=highest)
+                 for name, (default, lowest, highest) in table.items())
 
 
 def check_arguments(arguments, known):

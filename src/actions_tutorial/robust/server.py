@@ -1,140 +1,238 @@
-"""SimpleActionServer: takes a goal up at once, stops at once, and leaves no goal without an ending."""
-import collections
+"""SimpleActionServer: takes a goal up at once, stops at once, and leaves no goal without an ending.
+
+Threads, as with actionlib: one for execute_cb, and a rospy.Timer that publishes the status. Goals and cancels come in
+rospy's own, one for each client. The order of the locks: action_server.lock, then lock (the simple server's, which is
+execute_condition's, too), then the clock's condition (rate.py). A callback for goals or preempts is called with the
+first two held, so whatever has to go on while it blocks must not wait for them: see __shut_down.
+"""
 import contextlib
 import threading
 import time
+import traceback
+import weakref
 
 import actionlib
+import rosgraph
 import rospy
+from actionlib_msgs.msg import GoalStatus, GoalStatusArray
 
-from . import connections, log, rate
-from .libraries import need
-from .parameters import get_param
+from . import log, peers, rate, shutdown
+from .internals import NO_ANSWER, cannot_start, impatient_proxy, name_of, need
+from .parameters import get_params
 
 LATER = 0.005  # s: a head start for what a client must hear first
+SHUTTING_DOWN = "the server is shutting down"
+_RECALLABLE = GoalStatus.PENDING, GoalStatus.RECALLING
+_UNENDED = _RECALLABLE + (GoalStatus.ACTIVE, GoalStatus.PREEMPTING)
+
+_servers = weakref.WeakValueDictionary()  # those of this process, by the resolved names of their actions
 
 
 class SimpleActionServer(actionlib.SimpleActionServer):
-    """Like actionlib.SimpleActionServer; what it adds stands with each method.
+    """An actionlib.SimpleActionServer that takes each goal up at once, and by whom every goal is ended, with a text.
 
-    A goal is taken up at once. Whatever stops it, a cancel, a newer goal or a shutdown, ends a sleep of rate(). It ends
-    with a text that says why, and is forgotten. Needs no init_node of ours, which does the same for the node.
+    Whatever asks for a stop, a cancel, a newer goal or a shutdown, wakes a sleep of rate(). It needs no init_node of
+    ours. Names of its own begin with two underscores, so that a subclass may have any other.
     """
 
     def __init__(self, name, ActionSpec, execute_cb=None, auto_start=True):
+        """Arguments as for actionlib.SimpleActionServer. Raises rospy.ROSInitException, as start() does."""
         need("actionlib", actionlib.SimpleActionServer, "executeLoop", "internal_goal_callback",
-             "internal_preempt_callback")
+             "internal_preempt_callback", "__del__")
         super().__init__(name, ActionSpec, auto_start=False)
         need("actionlib", self, "lock", "execute_callback", "execute_thread", "execute_condition", "action_server",
-             "current_goal", "next_goal", "preempt_callback")
-        self._shutting_down = self._closed = False
-        self._fed_back = 0  # time.monotonic() of the last feedback
+             "current_goal", "next_goal", "new_goal", "preempt_callback", "need_to_terminate")
+        self.__shutting_down = self.__closed = False
+        self.__taken_over, self.__taken_by = 0, None  # goals in whose midst a newer one was accepted, by which thread
+        self.__fed_back = 0  # time.monotonic() of the last feedback
+        self.__name = rospy.resolve_name(name)
         self.action_server = _ActionServer(
             name, ActionSpec, self.internal_goal_callback, self.internal_preempt_callback, auto_start=False)
-        self.action_server.active_soon = self.is_new_goal_available
         if execute_cb:
-            self.execute_callback = execute_cb
+            self.__execute_cb, self.execute_callback = execute_cb, self.__execute
             self.execute_condition = _GoalCondition(self)
-            # A daemon: otherwise, a server that cannot start stays half alive until Ctrl-C.
-            self.execute_thread = threading.Thread(target=self.executeLoop, daemon=True)
-            self.execute_thread.start()
         if auto_start:
             self.start()
 
+    def __del__(self):
+        """As actionlib's, also for a server that was not started."""
+        if getattr(self, "execute_thread", None):
+            super().__del__()
+
     def start(self):
-        """Raises rospy.ROSInitException with what prevents it."""
+        """Serve goals from now on. Raises rospy.ROSInitException with what prevents it."""
         try:
-            self.rate(1)  # a rospy that lacks what we need fails now, not in the middle of a goal
-            connections.serve_all_peers()
+            rate.Rate(1, bool)  # a rospy that lacks what we need fails now, not in the middle of a goal
+            peers.serve_all_peers()
             super().start()
+            if self.execute_callback:
+                self.execute_thread = threading.Thread(target=self.executeLoop)
+                self.execute_thread.start()
         except Exception as error:
-            raise rospy.ROSInitException("the action server %s cannot start: %s" % (
-                rospy.resolve_name(self.action_server.ns), error)) from error
-        rospy.on_shutdown(self._shut_down)
+            raise cannot_start("the action server %s cannot start: %s" % (self.__name, error)) from error
+        shutdown.at_end(self.__shut_down)
+        threading.Thread(target=self.__look_for_twins, daemon=True).start()
 
     def rate(self, hz):
-        """Returns a rospy.Rate whose sleep() returns False at once when a stop is asked for, else True."""
-        return rate.Rate(hz, self.is_preempt_requested)
+        """Returns a rospy.Rate of hz (1/s) on the ROS clock for the goal that runs. Its sleep() returns True at the end
+        of the period, and False at once when the goal is asked to stop."""
+        seen = self.__taken_over
+
+        def stop_requested():
+            nonlocal seen
+            seen, before = self.__taken_over, seen
+            # Whoever has accepted the newer goal works on it from now on.
+            return self.is_preempt_requested() or seen != before and self.__taken_by != threading.get_ident()
+
+        return rate.Rate(hz, stop_requested)
 
     def is_preempt_requested(self):
-        """True on shutdown, too. Without it, a goal dies with its node, and its client never hears of an ending."""
-        return self._shutting_down or super().is_preempt_requested()
+        """Returns whether the goal should stop: for a cancel, a newer goal and, unlike with actionlib, a shutdown."""
+        return self.__shutting_down or super().is_preempt_requested()
 
     def accept_new_goal(self):
-        """Every client sees the goal ACTIVE before its feedback. Without it, nothing tells that a goal came."""
-        with self.action_server.lock:
-            self.action_server.at_once = True
+        """Take up the goal that waits; every client sees it ACTIVE before its feedback. Returns the goal, or None."""
+        with self.action_server.lock, self.lock:
+            if self.is_active():
+                self.__taken_over, self.__taken_by = self.__taken_over + 1, threading.get_ident()
             goal = super().accept_new_goal()
-        self.action_server.news.append(goal)
+        if goal is not None:
+            self.__log(lambda: "%s: goal accepted%s" % (self.__name, _plain_fields(goal)))
         return goal
 
     def set_succeeded(self, result=None, text=""):
-        self._end_goal("SUCCEEDED", super().set_succeeded, result, text or "all done")
+        """End the goal: it is done. What cannot be sent ends it ABORTED instead, with the reason."""
+        self.__end(super().set_succeeded, result, text or "all done")
 
     def set_aborted(self, result=None, text=""):
-        self._end_goal("ABORTED", super().set_aborted, result, text or "the server gave up")
+        """End the goal: the server could not do it, and text says why."""
+        self.__end(super().set_aborted, result, text or "the server gave up")
 
     def set_preempted(self, result=None, text=""):
-        """On shutdown the goal ends ABORTED instead: no client asked for this."""
-        if self._shutting_down:
-            self._end_goal("ABORTED", super().set_aborted, result, "the server is shutting down")
+        """End the goal because it was asked to stop. On shutdown it ends ABORTED: no client has asked for that."""
+        if self.__shutting_down:
+            self.__end(super().set_aborted, result, SHUTTING_DOWN)
         else:
-            newer = self.is_new_goal_available()
-            text = text or ("a newer goal came" if newer else "cancelled")
-            self._end_goal("PREEMPTED", super().set_preempted, result, text)
-
-    def _end_goal(self, state, set_state, result, text):
-        """Without it, nothing tells how a goal ended, and one that ends too late raises (rospy/topics.py, publish)."""
-        if self.is_active() and not self._closed:
-            self.action_server.news.append("goal %s: %s" % (state, text))
-        if state != "PREEMPTED":
-            self.action_server.log_news()
-            log.flush(0.05)  # on a terminal that both share, it then stands above what the client says of the result
-            # The result would now and then overtake the last feedback, which its client then drops.
-            time.sleep(max(0, self._fed_back + LATER - time.monotonic()))
-        with self.action_server.lock:
-            if not self._closed:
-                set_state(result, text)
+            why = "a newer goal came" if self.is_new_goal_available() else \
+                "cancelled" if self.is_preempt_requested() else "the server stopped it unasked"
+            self.__end(super().set_preempted, result, text or why)
 
     def publish_feedback(self, feedback):
-        """Without it, feedback that comes too late raises, too."""
+        """Send feedback for the goal; after the node's end, nothing."""
+        log.catch_up()  # on a terminal that both share, "goal accepted" stands above the client's first line
         with self.action_server.lock:
-            if not self._closed:
+            if not self.__closed:
                 super().publish_feedback(feedback)
-                self._fed_back = time.monotonic()
+                self.__fed_back = time.monotonic()
 
     def internal_goal_callback(self, goal):
-        """Forget the last goal, and wake rate.sleep(). Without it, a goal is refused for a stamp older than that of one
-        that has ended: after one stamp from the future, or once the clock is set back, nobody is served any more."""
+        """For the library: a goal (ServerGoalHandle) has come."""
+        if self.__shutting_down:
+            goal.set_canceled(None, SHUTTING_DOWN)
+            return
         with self.lock:
-            if not self.is_active() and not self.is_new_goal_available():
+            busy = self.is_active()
+            if not busy and not self.is_new_goal_available():
+                # Without it, a goal is refused for a stamp older than that of one that has ended: after one stamp from
+                # the future nobody is served any more.
                 self.current_goal = self.next_goal = actionlib.ServerGoalHandle()
         super().internal_goal_callback(goal)
-        if self.is_preempt_requested():
+        if busy:
             rate.wake()
 
     def internal_preempt_callback(self, preempt):
-        """Without it, a cancel does not wake rate.sleep()."""
+        """For the library: a cancel has come."""
         super().internal_preempt_callback(preempt)
         rate.wake()
 
-    def _shut_down(self):
-        """End the goal while messages still go out, for at most 1 s, then stop the heartbeat. Without it, the goal has
-        no ending, and the heartbeat may beat into closed topics, with a traceback (actionlib/action_server.py)."""
-        self._shutting_down = True
+    def __execute(self, goal):
+        if goal is None:
+            return  # recalled in the moment in which the loop took it up
+        try:
+            self.__execute_cb(goal)
+        except BaseException as error:  # sys.exit would end the thread, and no goal would be served any more
+            if not rospy.is_shutdown():
+                trace = "\n".join(map(log.printable, traceback.format_exc().splitlines()))
+                rospy.logerr("%s: execute_cb failed: %s", self.__name, trace)
+            if self.is_active():
+                self.set_aborted(None, "execute_cb failed: %s: %s" % (type(error).__name__, error))
+        if self.is_active():
+            why = SHUTTING_DOWN if self.__shutting_down else "execute_cb returned without ending its goal"
+            self.set_aborted(None, why)
+        with self.execute_condition:
+            self.execute_condition.wait(LATER)
+        if not self.is_new_goal_available():  # whose status comes next
+            self.action_server.publish_late_status()
+            log.catch_up()
+
+    def __end(self, set_state, result, text):
+        if set_state.__name__ != "set_preempted":
+            # The result would now and then overtake the last feedback, which actionlib's client then drops.
+            time.sleep(max(0, self.__fed_back + LATER - time.monotonic()))
+        with self.action_server.lock:
+            if self.__closed:
+                return
+            was_active = self.is_active()
+            with self.action_server.status_later(threading.current_thread() is self.execute_thread):
+                set_state(result, _sendable(text))
+            status = self.current_goal.get_goal_status()
+        if was_active:
+            self.__log(lambda: "%s: goal %s: %s" % (
+                self.__name, name_of(status.status), log.printable(status.text)))
+
+    def __log(self, line):
+        """A line that execute_cb's thread wrote in the midst of a goal would hold up what it tells of: so, later."""
+        log.soon(line)
+        if threading.current_thread() is not self.execute_thread:
+            log.catch_up()
+
+    def __shut_down(self, deadline):
+        """End all goals until deadline (time.monotonic()), with no more than a moment's wait for any lock."""
+        self.__shutting_down = True
+        shutdown.aside(self.__ask_to_stop)
+        while self.action_server.unended() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        if self.action_server.unended():
+            rospy.logwarn("%s: the server ends goals that did not stop within %g s", self.__name,
+                          shutdown.GOALS_END_WITHIN)
+        self.__closed = True
+        self.action_server.close(SHUTTING_DOWN)
+        self.__let_go()
+
+    def __ask_to_stop(self):
         with self.action_server.lock, self.lock:
+            if self.is_new_goal_available():
+                self.new_goal = False
+                self.next_goal.set_canceled(None, SHUTTING_DOWN)
+            rate.wake()
             if self.preempt_callback and self.is_active():
                 self.preempt_callback()
-        rate.wake()
-        limit = time.monotonic() + 1
-        while (self.is_active() or self.is_new_goal_available()) and time.monotonic() < limit:
-            time.sleep(0.01)
-        with self.action_server.lock:
-            if self.is_active():
-                self.set_preempted()  # execute_cb has not done so in time
-            self._closed = True
-            self.action_server.stop_status()
-        time.sleep(0.1)  # rospy sends from a thread of its own and cannot be asked when it is done
+
+    def __let_go(self):
+        """End the thread of execute_cb."""
+        self.need_to_terminate = True
+        if self.lock.acquire(timeout=0.1):
+            self.execute_condition.notify_all()
+            self.lock.release()
+
+    def __look_for_twins(self):
+        """Without it, each client of two servers of one action sees everything twice, and nobody says why."""
+        twin = _servers.setdefault(self.__name, self)
+        others = {rospy.get_name()} if twin is not self and twin.action_server.started else set()
+        _servers[self.__name] = self
+        try:
+            master = impatient_proxy(rosgraph.get_master_uri(), 2)
+            _, _, (publishers, _, _) = master.getSystemState(rospy.get_name())
+            for node in set(dict(publishers).get(self.action_server.status_pub.resolved_name, ())) - {rospy.get_name()}:
+                found, _, uri = master.lookupNode(rospy.get_name(), node)
+                with contextlib.suppress(*NO_ANSWER):  # one that was killed is listed still
+                    if found == 1 and impatient_proxy(uri).getPid(rospy.get_name()):
+                        others.add(node)
+        except NO_ANSWER:
+            pass
+        if others:
+            rospy.logwarn("%s has another server, in the node %s: a client of one hears both", self.__name,
+                          ", ".join(sorted(others)))
 
 
 class _GoalCondition(threading.Condition):
@@ -146,88 +244,154 @@ class _GoalCondition(threading.Condition):
         self.server = server
 
     def wait(self, timeout=None):
-        return self.server.is_new_goal_available() or super().wait()
+        # LATER is ours; else 1 s: for whoever sets need_to_terminate without a notification.
+        return self.server.is_new_goal_available() or self.server.need_to_terminate or \
+            super().wait(timeout if timeout == LATER else 1)
 
 
 class _ActionServer(actionlib.ActionServer):
+    """Sends what a client waits for before the status of it, and forgets no goal before a status has shown its end."""
 
-    at_once = False  # whether the next status is urgent
+    # 0 for initialize(), which then starts no rospy.Timer: that dies when the clock is set back (rospy/timer.py, before
+    # 1.17), and the clients' heartbeat with it.
+    status_frequency = property(lambda self: 0.0, lambda self, value: setattr(self, "_frequency", value))
 
     def __init__(self, *args, **options):
-        self.news, self._logging, self._log = collections.deque(), threading.Lock(), threading.Event()
+        self._later = self._late = False  # whether a status has to wait, and does
+        self._unshown = []  # StatusTrackers of goals that have ended
+        self._latest = rospy.Time()  # by which a clock that was set back is known
         super().__init__(*args, **options)
 
     def initialize(self):
-        """Without it, a parameter of a wrong type is a TypeError that names no parameter; and the status timer, the
-        clients' heartbeat, dies when the clock is set back (rospy/timer.py, Timer.run before 1.17)."""
+        """Without it, a parameter of a wrong type is a TypeError that names no parameter."""
         ns = rospy.remap_name(self.ns)
-        for name, default in (("actionlib_server_pub_queue_size", 50), ("actionlib_server_sub_queue_size", -1),
-                              (ns + "/status_frequency", 5.0), (ns + "/status_list_timeout", 5.0),
-                              (rospy.search_param("actionlib_status_frequency") or "actionlib_status_frequency", 5.0)):
-            get_param(name, default)
+        frequency = rospy.search_param("actionlib_status_frequency") or "actionlib_status_frequency"
+        hertz = 5.0, 0.1, 100  # fewer are no heartbeat, more keep a core busy
+        get_params({"actionlib_server_pub_queue_size": (50, None, None), ns + "/status_frequency": hertz,
+                    "actionlib_server_sub_queue_size": (-1, None, None), frequency: hertz,
+                    ns + "/status_list_timeout": (5.0, 0, 1e6)})
         super().initialize()
-        need("actionlib", self, "status_timer", "status_frequency", "started", "lock", "status_list")
-        self._due = threading.Event()
-        for target in self._publish_status_when_due, self._log_after_it:
-            threading.Thread(target=target, daemon=True).start()
-        if self.status_timer:
-            self.status_timer.shutdown()
-            self.status_timer = rospy.Timer(
-                rospy.Duration(1 / self.status_frequency), lambda _: self._due.set(), reset=True)
+        need("actionlib", self, "status_timer", "_frequency", "started", "lock", "status_list", "last_cancel",
+             "status_pub", "feedback_pub", "result_pub", "ActionResult", "ActionResultType")
+        need("rospy", self.result_pub, "impl")
+        need("rospy", self.result_pub.impl, "buff")
+        self.status_timer = rospy.Timer(rospy.Duration(1 / self._frequency), self.publish_status_async, reset=True)
 
     def publish_status(self):
-        """Leave it to a thread. Without it, a status goes out to each client before the result that one of them waits
-        for (actionlib/server_goal_handle.py, set_cancel_requested)."""
-        if self.at_once:
-            self.publish_status_now()
-        elif not self.active_soon():  # which brings the next one, and to wake the thread takes time
-            self._due.set()
-
-    def publish_status_now(self):
         with self.lock:
-            self.at_once = False
-            self._due.clear()
-            if self.started:
-                super().publish_status()
+            self._late = self._later
+            if self._late or not self.started:
+                return
+            while self._unshown:
+                self._unshown.pop().handle_destruction_time = rospy.Time.now()
+            super().publish_status()
 
-    def _publish_status_when_due(self):
-        while self._due.wait():
-            time.sleep(LATER)
-            with self.lock:
-                if self._due.is_set():  # still, now that nobody else has the lock
-                    self.publish_status_now()
-            self._log.set()
-
-    def _log_after_it(self):
-        """Without it, a line of log, which takes as long as a message, comes before the first feedback of the goal that
-        it tells of. A thread of its own: where init_node was not ours, a stopped terminal stops whoever logs."""
-        while self._log.wait():
-            self._log.clear()
-            self.log_news()
-
-    def log_news(self):
-        """Log what waits in news: each goal accepted, each ending (str)."""
-        with self._logging:
-            while self.news:
-                news = self.news.popleft()
-                with contextlib.suppress(OSError):  # as does a closed one
-                    rospy.loginfo("%s", news if isinstance(news, str) else _accepted(news))
-
-    def stop_status(self):
-        """Publish the last one."""
+    def publish_status_async(self, event):
         with self.lock:
-            self.publish_status_now()
-            self.started = False
+            self._look_at_the_clock()
+            super().publish_status_async(event)
+        log.catch_up()
+
+    def publish_late_status(self):
+        with self.lock:
+            if self._late:
+                self.publish_status()
+
+    @contextlib.contextmanager
+    def status_later(self, later=True):
+        """Within it, a status waits for publish_late_status() or the next one, if later (bool). Without it, it goes out
+        to each client before the result that one of them waits for."""
+        with self.lock:
+            before, self._later = self._later, later or self._later
+            try:
+                yield
+            finally:
+                self._later = before
+
+    def publish_result(self, status, result):
+        """Without it, a result that cannot be sent takes the next one with it: what is written of it stays in rospy's
+        buffer (rospy/topics.py, publish)."""
+        with self.lock:
+            self._unshown.append(next(one for one in reversed(self.status_list) if one.status is status))
+            try:
+                super().publish_result(status, result)
+            except Exception as error:
+                _clear(self.result_pub)
+                rospy.logerr("%s: the result cannot be sent: %s", rospy.resolve_name(self.ns), error)
+                status.status, status.text = GoalStatus.ABORTED, _sendable("the result cannot be sent: %s" % error)
+                super().publish_result(status, self.ActionResultType())
+
+    def publish_feedback(self, status, feedback):
+        try:
+            super().publish_feedback(status, feedback)
+        except Exception:
+            _clear(self.feedback_pub)
+            raise
 
     def internal_goal_callback(self, goal):
-        """Without it, a goal with the id of a recent one is ignored without a word."""
         with self.lock:
-            if any(tracker.goal and tracker.status.goal_id.id == goal.goal_id.id for tracker in self.status_list):
-                rospy.logwarn("goal ignored: its id '%.60s' is that of a recent goal", goal.goal_id.id)
+            self._look_at_the_clock()
             super().internal_goal_callback(goal)
+            if not any(tracker.goal is goal for tracker in reversed(self.status_list)) and \
+                    any(tracker.goal and tracker.status.goal_id.id == goal.goal_id.id for tracker in self.status_list):
+                rospy.logwarn("%s: goal ignored: its id %.60r is that of a recent goal", rospy.resolve_name(self.ns),
+                              goal.goal_id.id)
+
+    def internal_cancel_callback(self, goal_id):
+        with self.status_later():
+            self._look_at_the_clock()
+            super().internal_cancel_callback(goal_id)
+        if self._unshown:  # a callback for preempts has ended its goal
+            self.publish_status()
+
+    def unended(self):
+        """Returns the trackers of goals that have no ending yet. Takes no lock."""
+        return [one for one in list(self.status_list) if one.goal and one.status.status in _UNENDED]
+
+    def close(self, text):
+        """End whatever has no ending with text (str), and stop, even if a callback holds the lock for ever."""
+        mine = self.lock.acquire(timeout=0.05)
+        try:
+            for tracker in self.unended():
+                status = tracker.status
+                status.text, status.status = text, (
+                    GoalStatus.RECALLED if status.status in _RECALLABLE else GoalStatus.ABORTED)
+                result = self.ActionResult(status=status, result=self.ActionResultType())
+                result.header.stamp = rospy.Time.now()
+                self.result_pub.publish(result)
+            self.started = False  # without it, the heartbeat beats into closed topics
+            last = GoalStatusArray(status_list=[tracker.status for tracker in list(self.status_list)])
+            last.header.stamp = rospy.Time.now()
+            self.status_pub.publish(last)
+        finally:
+            if mine:
+                self.lock.release()
+
+    def _look_at_the_clock(self):
+        """Without it, a clock that is set back makes the server refuse all goals until it is later than it was: after a
+        cancel of goals up to then, and while a goal runs that was sent before."""
+        now = rospy.Time.now()
+        if now < self._latest:
+            self.last_cancel = rospy.Time()
+            for tracker in self.status_list:
+                if tracker.status.goal_id.stamp > now:
+                    tracker.status.goal_id.stamp = rospy.Time()
+                if tracker.handle_destruction_time > now:
+                    tracker.handle_destruction_time = now
+        self._latest = now
 
 
-def _accepted(goal):
+def _plain_fields(goal):
     fields = ((name, getattr(goal, name)) for name in goal.__slots__)
     plain = ", ".join("%s %.60r" % field for field in fields if isinstance(field[1], (bool, int, float, str)))
-    return "goal accepted: " + plain if plain else "goal accepted"
+    return ": " + plain if plain else ""
+
+
+def _sendable(text):
+    """Returns text as a str that UTF-8 can hold."""
+    return str(text).encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+def _clear(publisher):
+    publisher.impl.buff.seek(0)
+    publisher.impl.buff.truncate(0)

@@ -1,4 +1,4 @@
-"""Standard output, of print and of the log."""
+"""Standard output of print: each line is there at once, and a node whose lines nobody can read ends."""
 import io
 import os
 import sys
@@ -7,46 +7,36 @@ import threading
 import rospy
 
 
-def open_standard_files():
-    """Without it, a node that starts with its stdout closed gives that number to a connection, and prints into it."""
-    number = 0
-    while number <= 2:
-        number = os.open(os.devnull, os.O_RDWR)
-    os.close(number)
-    sys.stderr = sys.stderr or open(2, "w", buffering=1, closefd=False)
+def take_over(close_node):
+    """Take the place of Python's own sys.stdout; one that somebody has redirected stays. close_node() is called when
+    it cannot be written any more, from a thread that is not the main one."""
+    if sys.stdout is sys.__stdout__ and sys.__stdout__ is not None:
+        sys.stdout.flush()
+        sys.stdout = _Stdout(close_node)
 
 
-def _encoding():
-    return sys.__stdout__.encoding if sys.__stdout__ else None
+class _File(io.FileIO):
+    """Without a buffer of its own, which would refuse a signal handler's print in the midst of another one."""
+
+    def write(self, data):
+        left = memoryview(data)
+        while left:
+            left = left[super().write(left):]
+        return len(data)
 
 
-def for_the_log():
-    """Returns a file of the log's own. Without it, a stdout that nobody reads holds up the end of the program, for the
-    thread that writes the log keeps the lock of Python's own one."""
-    return open(1, "w", buffering=1, encoding=_encoding(), errors="backslashreplace", closefd=False)
-
-
-class ForPrint(io.TextIOWrapper):
-    """Takes the place of sys.stdout. Without it, lines get into a pipe in lumps, much later; and when nobody reads the
-    pipe any more, each print is a traceback, and the node works on for nobody. close_node() is called then."""
+class _Stdout(io.TextIOWrapper):
+    """Without it, lines get into a pipe in lumps, much later; and when nobody reads the pipe any more, each print is a
+    traceback, and the node works on for nobody."""
 
     def __init__(self, close_node):
-        super().__init__(open(1, "wb", closefd=False), encoding=_encoding(), errors="backslashreplace")
+        super().__init__(_File(1, "wb", closefd=False), encoding=sys.__stdout__.encoding, errors="backslashreplace")
         self.close_node = close_node
-        self.line_is_rospys = False
 
     def write(self, text):
-        if text.startswith("shutdown request: "):  # rospy/impl/masterslave.py prints it, and then the end of the line
-            self.line_is_rospys = True
-            twin = "another node took the name %s, so this one ends" % rospy.get_name()
-            rospy.logwarn(twin if "same name" in text else text)
-            return len(text)
-        if self.line_is_rospys and text == "\n":
-            self.line_is_rospys = False
-            return len(text)
         try:
             written = super().write(text)
-            if text.endswith("\n"):
+            if text.endswith(("\n", "\r")):
                 self.flush()  # all that is printed at once, so that no other node's line gets in between
             return written
         except OSError as error:

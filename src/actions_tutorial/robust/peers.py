@@ -1,16 +1,17 @@
 """Peers that connect and stay silent, or many at once: the next peer is served all the same."""
-import collections
 import errno
 import os
 import socket
 import threading
 import time
+import weakref
 
 from rospy.impl import registration, tcpros_base
 
-from .libraries import need
+from .internals import need
 
-PATIENCE = 10  # s that a peer may take to send its first byte
+SPEAKS_WITHIN = 10  # s that a peer may take to send its first byte
+ANSWERS_WITHIN = 2  # s that a publisher may take before others of its address are connected to as well
 
 
 class _ListeningSocket(socket.socket):
@@ -21,13 +22,15 @@ class _ListeningSocket(socket.socket):
             try:
                 return super().accept()
             except OSError as error:
+                if self.fileno() < 0:
+                    raise SystemExit from None  # closed, for the node ends: so does this thread, without a word
                 if error.errno not in (errno.EMFILE, errno.ENFILE):
                     raise
             time.sleep(0.1)
 
 
 def serve_all_peers():
-    """Call it after rospy.init_node, before the topics are there."""
+    """Mends rospy's connections, once for the process. Call it after rospy.init_node."""
     _read_side_by_side()
     _connect_once()
 
@@ -38,13 +41,13 @@ def _read_side_by_side():
     need("rospy", tcpros_base, "start_tcpros_server", "init_tcpros_server")
     tcpros_base.start_tcpros_server()
     server = tcpros_base.init_tcpros_server().tcp_ros_server  # the one that is there
-    need("rospy", server, "server_sock", "inbound_handler")
+    need("rospy", server, "server_sock", "inbound_handler", "start")
     if isinstance(server.server_sock, _ListeningSocket):
         return
     handle = server.inbound_handler
 
     def wait_and_handle(connection, address):
-        connection.settimeout(PATIENCE)
+        connection.settimeout(SPEAKS_WITHIN)
         try:
             speaks = connection.recv(1, socket.MSG_PEEK)
         except OSError:
@@ -55,8 +58,15 @@ def _read_side_by_side():
         else:
             connection.close()
 
-    server.inbound_handler = lambda *peer: threading.Thread(target=wait_and_handle, args=peer, daemon=True).start()
-    server.server_sock = _ListeningSocket(fileno=os.dup(server.server_sock.fileno()))  # the other is in accept() now
+    def handle_side_by_side(*peer):
+        try:
+            threading.Thread(target=wait_and_handle, args=peer, daemon=True).start()
+        except RuntimeError:  # out of threads; it would end the one that accepts
+            peer[0].close()
+
+    server.inbound_handler = handle_side_by_side
+    server.server_sock = _ListeningSocket(fileno=os.dup(server.server_sock.fileno()))
+    server.start()  # one more thread: the other is in accept() of its socket, or reads from a silent peer
 
 
 def _connect_once():
@@ -74,8 +84,15 @@ class _OneAtATime:
     _connect_topic, looks for a connection and makes it later; rospy/topics.py, add_connection)."""
 
     def __init__(self, connect):
-        self.connect, self.locks = connect, collections.defaultdict(threading.Lock)
+        self._connect, self._mutex = connect, threading.Lock()
+        self._locks = weakref.WeakValueDictionary()  # (topic, URI) -> lock, as long as somebody connects
 
     def __call__(self, topic, uri):
-        with self.locks[topic, uri]:
-            return self.connect(topic, uri)
+        with self._mutex:
+            lock = self._locks.setdefault((topic, uri), threading.Lock())
+        mine = lock.acquire(timeout=ANSWERS_WITHIN)  # or the one before hangs, at a peer that is gone
+        try:
+            return self._connect(topic, uri)
+        finally:
+            if mine:
+                lock.release()

@@ -1,0 +1,75 @@
+"""What robust uses of rospy and actionlib without their documenting it, checked when a node starts."""
+import http.client
+import importlib.metadata
+import threading
+import xmlrpc.client
+
+import actionlib  # noqa: F401  # gives GoalStatus its to_string
+import rosgraph
+import rospy
+from actionlib_msgs.msg import GoalStatus
+
+TESTED = {"rospy": "1.15.9 to 1.17.4", "actionlib": "1.13.2 to 1.14.3"}
+# Of a master or a node that is asked:
+NO_ANSWER = OSError, http.client.HTTPException, xmlrpc.client.Error, rosgraph.MasterException
+
+
+class CannotStart(rospy.ROSInitException, SystemExit):
+    """What prevents a start. Uncaught, it ends the program as any SystemExit with a text does: that one line on stderr,
+    and exit status 1. So sys.excepthook stays whose it is."""
+
+    def __init__(self, text):
+        super().__init__(text)
+        self.code = text
+
+
+def cannot_start(text):
+    """Returns a rospy.ROSInitException with text (str) that ends the main thread in one line."""
+    in_main = threading.current_thread() is threading.main_thread()  # other threads end without a word on SystemExit
+    return (CannotStart if in_main else rospy.ROSInitException)(text)
+
+
+def need(library, owner, *names):
+    """Raises rospy.ROSInitException if owner, a part of library (a key of TESTED), lacks one of names (str): better
+    now than as a traceback some time later."""
+    for name in names:
+        if not hasattr(owner, name):
+            raise cannot_start("%s %s has no %s.%s, which robust needs; it was tested with %s %s" % (
+                library, importlib.metadata.version(library), getattr(owner, "__name__", type(owner).__name__), name,
+                library, TESTED[library]))
+
+
+def is_initialized():
+    """Returns whether rospy.init_node has done its work."""
+    need("rospy", rospy.core, "is_initialized")
+    return rospy.core.is_initialized()
+
+
+def name_of(state):
+    """Returns the name (str) of a state of actionlib_msgs/GoalStatus (int)."""
+    need("actionlib", GoalStatus, "to_string")
+    return GoalStatus.to_string(state)
+
+
+def impatient_proxy(uri, timeout=0.5):
+    """Returns an xmlrpc.client.ServerProxy whose calls raise one of NO_ANSWER after timeout (real s): rospy's own wait
+    for ever, or for 60 s."""
+    return xmlrpc.client.ServerProxy(uri, transport=_Impatient(timeout))
+
+
+class _Impatient(xmlrpc.client.Transport):
+
+    def __init__(self, timeout):
+        super().__init__()
+        self.timeout = timeout
+
+    def make_connection(self, host):
+        connection = super().make_connection(host)
+        connection.timeout = self.timeout
+        return connection
+
+    def request(self, host, *args, **kwargs):
+        try:
+            return super().request(host, *args, **kwargs)
+        except OSError as error:  # whose arguments rospy/impl/registration.py, cleanup, would trip over
+            raise xmlrpc.client.ProtocolError(host, 0, str(error), {})

@@ -1,0 +1,214 @@
+"""How a node ends: within 2 s of being told to, whatever its callbacks, its main thread, its master and terminal do.
+
+Who may take how long, from the moment that a signal or `rosnode kill` tells the node to end:
+
+    0 to 1.0 s  goals end, all of them side by side: the servers' own, and those that the clients sent. Meanwhile the
+                program's own hooks (rospy.on_shutdown) run
+      to 1.1 s  rospy's threads send what has been published
+      to 1.5 s  the node takes leave of the master, which may take 0.5 s for each answer
+      to 1.8 s  lines of log are written
+    at 1.9 s    whatever is still there is killed
+
+The thread Closer hears the signals; each goal's ending has a thread as long as it lasts.
+"""
+import atexit
+import contextlib
+import os
+import signal
+import socket
+import sys
+import threading
+import time
+import weakref
+
+import rosgraph
+import rospy
+
+from . import log
+from .internals import impatient_proxy, is_initialized, need
+
+GOALS_END_WITHIN = 1.0  # s of the beginning, as all of these
+SENT_WITHIN = 0.1  # s more: rospy sends from threads of its own, which cannot be asked when they are done
+CLOSED_WITHIN = 1.5
+KILLED_AFTER = 1.9
+LOG_WITHIN = 0.3  # s for itself
+
+_END, _END_IN_TIME = 250, 251  # beside the numbers of signals, what Closer can be told
+
+unfinished = weakref.WeakSet()  # while there is any, a node that is killed has exit status 1, not 0
+_endings = []  # weakref.WeakMethod
+
+
+def at_end(end_goals):
+    """Have end_goals(deadline) called on shutdown, in a thread of its own: a method of a server or a client that sees
+    to the endings of its goals until deadline (as of time.monotonic()). Its object may be forgotten before."""
+    if not _endings:
+        rospy.on_shutdown(_end_all_goals)
+    _endings[:] = [one for one in _endings if one()] + [weakref.WeakMethod(end_goals)]
+
+
+def aside(function, *args):
+    """Call function in a thread of its own or, where none can be had (out of threads, or Python is ending), here."""
+    thread = threading.Thread(target=function, args=args, daemon=True)
+    try:
+        thread.start()
+    except RuntimeError:
+        function(*args)
+    return thread
+
+
+def _end_all_goals():
+    deadline = time.monotonic() + GOALS_END_WITHIN
+    threads = []
+    while _endings:
+        end_goals = _endings.pop()()
+        if end_goals:
+            threads.append(aside(end_goals, deadline))
+
+    def wait():
+        for thread in threads:
+            if thread.ident:
+                thread.join(max(0, deadline + SENT_WITHIN - time.monotonic()))
+        time.sleep(SENT_WITHIN)
+
+    if threads:
+        rospy.on_shutdown(wait)  # rospy comes to it when the other hooks have run
+
+
+class Closer(threading.Thread):
+    """Ends the node when a signal comes and when the program ends.
+
+    Without it, rospy's signal handler calls the master from the main thread, which may be in the middle of such a call
+    and then waits for itself for ever; a main thread that is looking up a host name does not even hear the signal; and
+    SIGHUP, a closed terminal, kills the node.
+    """
+
+    def __init__(self):
+        super().__init__(daemon=True)
+        need("rospy", rospy.core, "_xmlrpc_cache", "add_shutdown_hook", "_ros_atexit")
+        self._ears, self._mouth = socket.socketpair()
+        self._mouth.setblocking(False)
+        self._before = {}  # signal handlers by number
+        self._fd_before = self._file_before = None  # the wake-up descriptor, and what it stands for
+        self._begun = self._deadline = None  # time.monotonic()
+        self._closed = threading.Event()
+
+    def heed_signals(self):
+        """In the main thread. A program that has a use of its own for SIGHUP, or runs under nohup, keeps it."""
+        for number in signal.SIGINT, signal.SIGTERM, signal.SIGHUP:
+            if number != signal.SIGHUP or signal.getsignal(number) == signal.SIG_DFL:
+                self._before[number] = signal.signal(number, self._heed)
+        # Python writes the signal's number there at once, even while the main thread does not get round to _heed().
+        self._fd_before = signal.set_wakeup_fd(self._mouth.fileno(), warn_on_full_buffer=False)
+        self._file_before = _file(self._fd_before)
+
+    def begin(self):
+        """Before rospy.init_node, so that the goals' endings do not wait for the program's hooks."""
+        unfinished.add(self)
+        rospy.on_shutdown(self._begin)
+        atexit.register(self._finish)
+        os.register_at_fork(after_in_child=self._forget)
+        rospy.impl.masterslave.print = self._hear_request
+        self.start()
+
+    def is_up(self):
+        """After rospy.init_node, which adds the hooks that come before."""
+        rospy.core.add_shutdown_hook(lambda _: self._closed.set())
+        unfinished.discard(self)
+
+    def give_up(self):
+        """The node cannot start: leave the process as it was."""
+        self._give_back()
+        unfinished.discard(self)
+        atexit.unregister(self._finish)
+        self._mouth.close()
+
+    def close(self, what=_END_IN_TIME):
+        """End the node as a signal does."""
+        with contextlib.suppress(OSError):  # it has been told often enough
+            self._mouth.send(bytes([what]))
+
+    def run(self):
+        while True:
+            self._ears.settimeout(self._deadline and max(0.01, self._deadline - time.monotonic()))
+            try:
+                told = self._ears.recv(100)
+            except socket.timeout:
+                if self._deadline:
+                    os._exit(1 if unfinished else 0)
+                continue
+            if not told:
+                return
+            if self._file_before and _file(self._fd_before) == self._file_before:
+                with contextlib.suppress(OSError):  # whoever was there before hears of all signals
+                    os.write(self._fd_before, bytes(number for number in told if number < _END))
+            if _END_IN_TIME in told or any(number in self._before and signal.getsignal(number) == self._heed
+                                           for number in told):
+                # Not at python's prompt, which goes on without the node.
+                if not self._deadline and not hasattr(sys, "ps1") and not sys.flags.interactive:
+                    self._deadline = time.monotonic() + KILLED_AFTER
+                aside(self._shut_down)
+            elif _END in told:
+                aside(self._shut_down)
+
+    def _shut_down(self):
+        rospy.signal_shutdown("told to end")
+        if not is_initialized():
+            self._closed.set()
+
+    def _heed(self, number, frame):
+        """The signal handler. Whoever has the wake-up descriptor now, such as asyncio: this tells the thread, too."""
+        before = self._before.get(number)
+        self.close()
+        if callable(before) and before is not signal.default_int_handler:
+            self._closed.wait(CLOSED_WITHIN)  # as with rospy, the program's own handler comes after the node's end
+            with contextlib.suppress(KeyboardInterrupt):
+                before(number, frame)
+
+    def _hear_request(self, text):
+        """In place of print in rospy/impl/masterslave.py, shutdown, whose line would stand in the node's stdout."""
+        twin = "another node took the name %s, so this one ends" % rospy.get_name()
+        rospy.logwarn("%s", twin if "same name" in text else text)
+        self.close()
+
+    def _begin(self):
+        """On shutdown, whoever asked for it."""
+        self._begun = time.monotonic()
+        # Without it, a call that the master has not answered yet, or never will, holds up all that comes after it
+        # (rospy/core.py, _LockedServerProxy).
+        uri = rosgraph.get_master_uri()
+        rospy.core._xmlrpc_cache[uri] = impatient_proxy(uri)
+        _end_all_goals()
+
+    def _finish(self):
+        """When the main thread has ended; the exit status stays what it is."""
+        self.close(_END)
+        self._closed.wait(max(0, (self._begun or time.monotonic()) + CLOSED_WITHIN - time.monotonic()))
+        self._deadline = None
+        log.flush(LOG_WITHIN)
+
+    def _give_back(self):
+        for number, before in self._before.items():
+            if signal.getsignal(number) == self._heed:  # nobody else has come since
+                signal.signal(number, signal.SIG_DFL if before is None else before)
+        if self._fd_before is not None:
+            signal.set_wakeup_fd(self._fd_before)
+        self._before, self._fd_before, self._file_before = {}, None, None
+
+    def _forget(self):
+        """In a child process: its signals and its end are not the node's."""
+        self._give_back()
+        atexit.unregister(self._finish)
+        atexit.unregister(rospy.core._ros_atexit)  # it would take the parent's topics off the master
+        self._ears.close()
+        self._mouth.close()
+        log.give_back()
+
+
+def _file(number):
+    """Returns what tells the file of a descriptor (int) from others, or None."""
+    try:
+        found = os.fstat(number)
+        return found.st_dev, found.st_ino
+    except OSError:
+        return None
