@@ -1,5 +1,6 @@
 #!/usr/bin/python3
 """The client as its user sees it, for each parameter, ending and interruption: no goal is lost, and nobody hangs."""
+import os
 import signal
 import time
 
@@ -30,6 +31,19 @@ class TestClient(NodeCase):
         gaps = [after - before for before, after in zip(times, times[1:])]
         self.assertGreater(sorted(gaps)[len(gaps) // 2], 0.5, "median of the seconds between lines, of %s" % client)
         self.assertGreater(times[-1] - times[0], 5, "seconds from first to last bowl, of %s" % client)
+
+    def test_server_and_client_on_one_terminal_tell_the_story_in_its_order(self, scene):
+        read, write = os.pipe()
+        scene.server(stdout=write)
+        client = scene.client(2, stdout=write)
+        os.close(write)
+        self.assertEqual(0, client.wait(), client)
+        with open(read, errors="replace") as terminal:
+            scene.stop()
+            said = terminal.read()
+        places = [said.find(words) for words in ("goal accepted", "bowl-0", "bowl-1", "goal SUCCEEDED: all done")]
+        self.assertEqual(sorted(places), places, said)
+        self.assertNotIn(-1, places, said)
 
     def test_no_minutes_succeed_with_an_empty_result(self, scene):
         scene.server()

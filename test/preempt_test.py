@@ -48,6 +48,8 @@ class TestPreempt(ServerCase):
         self.probe.wait(lambda: self.clock.turn(0.25) or goal_id in self.probe.states, "the cancel to be kept")
         self.probe.send(5, goal_id)
         self.probe.check_ending(goal_id, RECALLED, [])
+        self.probe.check_ending(self.probe.send(0), SUCCEEDED, [])
+        self.assertNotIn("ignored", self.probe.processes[0].stderr)
 
     def test_cancel_in_the_last_second(self):
         goal_id = self.wash(3, 3)

@@ -32,6 +32,9 @@ class StdoutFaults(NodeCase):
     def test_stdout_that_is_closed(self, scene):
         self.serves_on(scene, ">&-")
 
+    def test_stderr_that_is_closed(self, scene):
+        self.serves_on(scene, "2>&-")
+
     def test_stdout_that_is_stopped_holds_up_no_goal_and_not_the_end(self, scene):
         read, write = os.pipe()
         os.set_blocking(write, False)
@@ -64,9 +67,11 @@ class StdoutFaults(NodeCase):
 
     def test_stdout_that_cannot_encode_is_no_wrong_parameter(self, scene):
         code = "from actions_tutorial import robust; robust.init_node('printer'); print('\\u2026 there')"
+        code += "; import rospy; rospy.loginfo('\\u2026 logged')"
         printer = scene.start("/usr/bin/python3", "-c", code, PYTHONIOENCODING="ascii")
         self.assertEqual(0, printer.wait(), printer)
         self.assertIn("there", printer.stdout, printer)
+        self.assertIn("logged", printer.stdout, printer)
 
 
 if __name__ == "__main__":

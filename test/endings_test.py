@@ -1,0 +1,387 @@
+#!/usr/bin/python3
+"""Every goal gets one ending, with a text, whatever the program of its server does; the programs: guest_servers.py."""
+import os
+import re
+import select
+import signal
+import socket
+import threading
+import time
+import tracemalloc
+import xmlrpc.client
+import xmlrpc.server
+
+import rosgraph
+import rosnode
+import rospy
+import rostest
+from actionlib.msg import TestRequestActionGoal
+from actionlib_msgs.msg import GoalStatusArray
+from rosgraph.network import encode_ros_handshake_header
+from rospy.impl.registration import get_registration_listeners
+from std_msgs.msg import Empty
+
+from action_probe import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED, Probe, bowls
+from actions_tutorial import robust
+from cases import SLACK, NodeCase, Scene, check_quiet, concurrently, printed_bowls
+from guest_servers import WAYS, Guest, polite
+from processes import PACKAGE, eventually
+
+GUEST = os.path.join(PACKAGE, "test", "guest_servers.py")
+SHUTTING_DOWN = "the server is shutting down"
+STEERS = "\x1b[2J\nfake"  # clears a terminal, and begins a line
+
+
+def serve(scene, *arguments, **options):
+    """Start a node with one guest, and wait until messages go both ways. -> Process"""
+    server = scene.start(GUEST, *arguments, **options)
+    scene.wait_connected(server)
+    return server
+
+
+def busy(probe):
+    """Give the server a goal without an end of its own. Returns its id."""
+    goal_id = probe.send(5)
+    probe.wait_bowls(goal_id, 1)
+    return goal_id
+
+
+def api(probe):
+    """Returns the XML-RPC (xmlrpc.client.ServerProxy) of the server's node."""
+    master = rosgraph.Master(rospy.get_name())
+    node, = dict(master.getSystemState()[0])[probe.action + "status"]
+    return xmlrpc.client.ServerProxy(master.lookupNode(node))
+
+
+def peers_port(probe):
+    """Returns the port (int) on which the server's node listens for peers."""
+    return api(probe).requestTopic(rospy.get_name(), probe.action + "status", [["TCPROS"]])[2][2]
+
+
+def interrupt(_, server):
+    server.signal(signal.SIGINT)
+
+
+def rosnode_kill(scene, _):
+    rosnode.kill_nodes([scene.namespace + "/guest"])
+
+
+def signal_shutdown(scene, _):
+    rospy.Publisher(scene.namespace + "/guest/end", Empty, queue_size=1, latch=True).publish()
+
+
+# title: how a node is told to end, how many tracebacks of its own program are in order, and its servers
+SHUTDOWNS = {
+    "two servers interrupted": (interrupt, 0, "never_looks", "sleeps"),
+    "two servers by rosnode kill": (rosnode_kill, 0, "sleeps", "never_looks"),
+    "two servers by signal_shutdown": (signal_shutdown, 0, "just_returns", "sleeps"),
+    "25 servers": (interrupt, 0, *("polite%d" % i for i in range(25))),
+    "all kinds of servers in one node": (
+        interrupt, 2, "polite", "preempt_cb_blocks", "goal_cb_loops", "preempt_cb_raises", "just_returns", "sleeps",
+        "hook_raises", "never_looks", "hook_blocks", "goal_cb_and_thread"),
+    **{"a server that %s" % kind: (interrupt, "raises" in kind, kind) for kind in (
+        "never_looks", "just_returns", "preempt_cb_raises", "preempt_cb_blocks", "goal_cb_and_thread",
+        "goal_cb_loops", "hook_raises", "hook_blocks", "own_names", "is_interrupted")},
+}
+
+
+def a_test_for_each(table, check):
+    """Class decorator: a test, check(self, scene, *row), for each row of table {title: row}."""
+    def decorate(case):
+        for title, row in table.items():
+            def test(self, scene, row=row):
+                check(self, scene, *row)
+            test.__name__ = "test_" + title.replace(" ", "_")
+            setattr(case, test.__name__, test)
+        return case
+    return decorate
+
+
+def shut_down(test, scene, tell, tracebacks, *kinds):
+    """Each goal of each server ends within the second, the one that waits, too; the node within 2 s."""
+    rospy.set_param(scene.namespace + "/actionlib_status_frequency", min(20, 100 // len(kinds)))
+    server, due = scene.start(GUEST, *kinds), {}  # (probe, goal id): its ending
+    order = []  # (probe, goal id, goal id that ends later)
+    for kind in kinds:
+        probe = (Probe("%s/%s" % (scene.namespace, kind)) if kinds[1:] else scene).wait_connected(server)
+        due[probe, busy(probe)] = [(ABORTED, SHUTTING_DOWN)]
+        if kind == "never_looks":
+            waits = probe.send(5)
+            probe.wait(lambda: waits in probe.states, "a goal that waits")
+            due[probe, waits] = [(RECALLED, SHUTTING_DOWN)]
+            order.append((probe, waits, next(goal_id for one, goal_id in due if one is probe)))
+    begun = time.monotonic()
+    tell(scene, server)
+    eventually(lambda: all(probe.results.get(goal_id) and probe.ended(goal_id) for probe, goal_id in due),
+               "an ending of each goal", scene, *(probe for probe, _ in due), timeout=1 + SLACK)
+    test.assertIsNotNone(server.wait(2 + SLACK - (time.monotonic() - begun)))
+    for (probe, goal_id), endings in due.items():
+        came = [(one.status.status, one.status.text) for one in probe.results[goal_id]]
+        test.assertEqual(endings, came, "endings of %s by %s" % (probe.action, server))
+        if len(kinds) == 2 and "sleeps" in probe.action:
+            test.assertEqual(bowls(1), probe.results[goal_id][0].result.dishes_washed, "own result of %s" % server)
+        if probe is not scene:
+            probe.close()
+    for probe, *goals in order:
+        test.assertLess(*(probe.results[goal_id][0].header.stamp for goal_id in goals))
+    test.assertLessEqual(server.stderr.count("Traceback"), tracebacks, server)
+
+
+def end(test, scene, kind, _, state, text, log):
+    """The goal ends so, once; the next ones have their own; the log tells the truth, and steers no terminal."""
+    server = serve(scene, kind)
+    goal_id = scene.send(5)
+    ending = scene.wait_result(goal_id)
+    test.assertEqual(state, ending.status.status, "%s\n%s" % (ending.status, server))
+    test.assertRegex(ending.status.text, text, server)
+    if state == SUCCEEDED and kind != "work_after_the_ending":
+        scene.check_ending(goal_id, SUCCEEDED, ending.result.dishes_washed)
+    for _ in range(2):
+        scene.serves()
+    if log:
+        server.expect(log)
+    test.assertEqual(1, len(scene.results[goal_id]), scene)
+    said = server.stdout + server.stderr
+    test.assertLessEqual(said.count("goal SUCCEEDED"), 2 + (state == SUCCEEDED), server)
+    test.assertNotRegex(said, re.compile("\x1b|^fake", re.MULTILINE), server)
+    test.assertEqual(kind == "ending_twice", "To transition" in said, "one ending too many of %s" % server)
+
+
+@concurrently(Scene)
+@a_test_for_each({"shutdown of " + title: row for title, row in SHUTDOWNS.items()}, shut_down)
+@a_test_for_each({kind: (kind, *row) for kind, row in WAYS.items()}, end)
+class Endings(NodeCase):
+
+    def test_goal_that_comes_during_the_shutdown_is_recalled(self, scene):
+        server = serve(scene, "never_looks")
+        runs = busy(scene)
+        server.signal(signal.SIGINT)
+        server.expect("told to stop")  # less than a second is left
+        ending = scene.wait_result(scene.send(5))
+        self.assertEqual((RECALLED, SHUTTING_DOWN), (ending.status.status, ending.status.text), server)
+        self.assertLess(ending.header.stamp, scene.wait_result(runs).header.stamp)
+
+    def test_goal_that_waits_behind_a_callback_that_blocks_is_recalled_on_shutdown(self, scene):
+        server = serve(scene, "preempt_cb_blocks")
+        busy(scene)
+        waits = scene.send(5)
+        server.expect("told to stop")
+        server.signal(signal.SIGINT)
+        ending = scene.wait_result(waits).status
+        self.assertEqual((RECALLED, SHUTTING_DOWN), (ending.status, ending.text), server)
+
+    def test_what_a_server_does_with_a_goal_that_the_shutdown_has_ended_is_of_no_account(self, scene):
+        server, stamps = serve(scene, "goes_on"), []
+        topic = rospy.Subscriber(scene.action + "status", GoalStatusArray, lambda one: stamps.append(one.header.stamp))
+        goal_id = busy(scene)
+        server.signal(signal.SIGINT)
+        server.wait()
+        topic.unregister()
+        self.assertEqual(bowls(1), scene.bowls_of(goal_id), server)
+        self.assertIn("did not stop within 1 s", server.stderr, server)
+        self.assertNotIn("ERROR", server.stderr, server)
+        ended = scene.wait_result(goal_id).header.stamp
+        self.assertEqual(1, sum(stamp > ended for stamp in stamps), "statuses after the end of %s" % server)
+
+    def test_status_shows_an_ending_without_a_heartbeat_and_a_moment_after_the_result(self, scene):
+        rospy.set_param(scene.namespace + "/actionlib_status_frequency", 0.1)
+        for kind, head_start in ("polite", 0.004), ("goal_cb_and_thread", 0):
+            server, shown = serve(scene, kind), {}  # goal id: the stamp of the first status of its end
+            topic = rospy.Subscriber(scene.action + "status", GoalStatusArray, lambda message: [
+                shown.setdefault(one.goal_id.id, message.header.stamp)
+                for one in message.status_list if one.status == SUCCEEDED])
+            eventually(topic.get_num_connections, "a connection for the status", server)
+            goal_id = scene.send(1)
+            scene.wait(lambda: goal_id in shown and goal_id in scene.results, "result and status")
+            topic.unregister()
+            after = (shown[goal_id] - scene.results[goal_id][0].header.stamp).to_sec()
+            self.assertTrue(head_start <= after < 5, "%.4f s after the result of %s" % (after, server))
+            server.stop()
+
+    def test_accept_new_goal_when_none_waits_spoils_nothing(self, scene):
+        server = serve(scene, "goal_cb_accepts_twice")
+        for _ in range(3):
+            scene.serves()
+        check_quiet(server)
+        self.assertNotIn("exception", server.stderr, server)
+
+    def test_server_without_a_goal_is_not_told_to_stop(self, scene):
+        server = serve(scene, "polite")
+        server.signal(signal.SIGINT)
+        server.wait()
+        self.assertNotIn("told to stop", server.stderr, server)
+
+    def test_goal_that_a_newer_one_or_a_cancel_ends_says_so(self, scene):
+        serve(scene, "polite")
+        older, newer = busy(scene), busy(scene)
+        self.assertEqual("a newer goal came", scene.check_ending(older, PREEMPTED, bowls(1)).status.text)
+        scene.cancel(newer)
+        self.assertEqual("cancelled", scene.check_ending(newer, PREEMPTED, bowls(1)).status.text)
+
+    def test_newer_goal_wakes_the_thread_of_the_older_one_and_is_active_before_its_feedback(self, scene):
+        server, active = serve(scene, "goal_cb_and_thread"), {}  # goal id: the stamp of the first status that says so
+        topic = rospy.Subscriber(scene.action + "status", GoalStatusArray, lambda message: [
+            active.setdefault(one.goal_id.id, message.header.stamp)
+            for one in message.status_list if one.status == ACTIVE])
+        eventually(topic.get_num_connections, "a connection for the status", server)
+        goals = [busy(scene) for _ in range(5)]
+        scene.wait(lambda: set(goals) <= set(active), "each goal ACTIVE")
+        topic.unregister()
+        late = [one for one in goals if active[one] > scene.feedback[one][0].header.stamp]
+        self.assertEqual([], late, "goals that were ACTIVE only after their feedback")
+        eventually(lambda: server.stderr.count("slept to the end: False") == 4, "four who woke up", server, timeout=10)
+
+    def test_server_that_lacks_threads_for_a_while_serves_those_who_come_later(self, scene):
+        server = serve(scene, "lacks_threads")
+        address = "localhost", peers_port(scene)
+        scene.wait_bowls(scene.send(5), 2)
+        for _ in range(3):
+            with socket.create_connection(address) as peer:
+                self.assertTrue(select.select([peer], [], [], 5)[0], "expected the connection closed by %s" % server)
+        self.is_served(scene)
+
+    def test_silent_peers_of_a_node_of_rospys_hold_up_nobody(self, scene):
+        serve(scene, "with_silent_peers", INIT="rospy")
+        self.is_served(scene)
+
+    def test_client_that_went_without_a_word_and_comes_back_at_its_port_is_connected_within_seconds(self, scene):
+        serve(scene, "polite")
+        asked, silent, goals = [], socket.socket(), scene.action + "goal"
+        silent.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        silent.bind(("127.0.0.1", 0))
+        silent.listen(1)
+        silent.settimeout(30)
+        address = silent.getsockname()
+        uri = "http://localhost:%d/" % address[1]
+        api(scene).publisherUpdate("/master", goals, [uri])
+        kept, _ = silent.accept()  # on which the server now waits for an answer, for 60 s
+        silent.close()
+        with kept, xmlrpc.server.SimpleXMLRPCServer(address, logRequests=False) as back:
+            back.timeout = 3 + SLACK
+            back.register_function(lambda *call: asked.append(call) or [0, "no", []], "requestTopic")
+            api(scene).publisherUpdate("/master", goals, [uri])
+            back.handle_request()
+        self.assertEqual(1, len(asked), "requests at the port of %s" % uri)
+
+    def test_peers_that_are_gone_leave_no_memory(self, scene):
+        Guest(scene.action[:-1], polite)
+        tracemalloc.start()
+        self.addCleanup(tracemalloc.stop)
+        connecting, = get_registration_listeners().listeners
+        for number in range(1000):  # as it does when the master names a peer; nobody listens at port 1
+            connecting._connect_topic_thread(scene.action + "goal", "http://localhost:1/%d" % number)
+        ours = tracemalloc.Filter(True, os.path.join(os.path.dirname(robust.__file__), "*"))
+        kept = sum(one.size for one in tracemalloc.take_snapshot().filter_traces([ours]).traces)
+        self.assertLess(kept, 50000, "bytes that robust keeps for 1000 peers")
+
+    def ends_on_request(self, scene, request):
+        server = Guest(scene.action[:-1], polite)
+        threading.Thread(target=request, args=[server], daemon=True).start()
+        eventually(lambda: not server.execute_thread.is_alive(), "an end within 2 s", timeout=2 + SLACK)
+
+    def test_server_ends_on_del(self, scene):
+        self.ends_on_request(scene, lambda server: server.__del__())
+
+    def test_server_ends_when_it_needs_to_terminate(self, scene):
+        self.ends_on_request(scene, lambda server: setattr(server, "need_to_terminate", True))
+
+    def is_served(self, scene):
+        """A client of a server that ends its goals at once: on a busy machine the result may overtake the feedback."""
+        client = scene.client(1)
+        self.assertEqual((0, bowls(1)), (client.wait(), printed_bowls(client)[1]), client)
+
+    def ends_its_goal(self, scene, server, number, within):
+        """A server that serves, and when this signal comes, ends its goal itself, and then itself, within so many s."""
+        scene.serves()
+        goal_id = busy(scene)
+        server.signal(number)
+        ending = scene.wait_result(goal_id)
+        self.assertEqual((SHUTTING_DOWN, bowls(1)), (ending.status.text, ending.result.dishes_washed), server)
+        server.wait(within + SLACK)
+
+    def test_program_whose_main_thread_ends_serves_on_until_ctrl_c(self, scene):
+        self.ends_its_goal(scene, serve(scene, "sleeps", SPIN="no"), signal.SIGINT, 2)
+
+    def test_node_of_rospys_with_a_stopped_terminal_serves_and_hears_sigterm(self, scene):
+        read, write = os.pipe()
+        server = scene.start("bash", "-c", 'head -c 65536 /dev/zero; exec "$0" sleeps', GUEST, stdout=write,
+                             INIT="rospy")
+        scene.wait_connected(server)
+        self.ends_its_goal(scene, server, signal.SIGTERM, 5)
+        for one in read, write:
+            os.close(one)
+
+    def test_frequency_of_the_status_that_makes_no_sense_stops_the_server_in_one_line(self, scene):
+        servers = {}
+        for value in 0, -1, float("nan"), float("inf"), 1e12, 1e6, "fast":
+            for name in ["actionlib_status_frequency", "wash_dishes_as/status_frequency"][:1 if value else 2]:
+                namespace = "%s/n%d" % (scene.namespace, len(servers))
+                rospy.set_param(namespace + "/" + name, value)
+                servers[name, value] = scene.start(GUEST, "polite", ROS_NAMESPACE=namespace)
+        for (name, value), server in servers.items():
+            self.assertEqual(1, server.wait(), server)
+            self.assertRegex(server.stderr, r"^.*%s is %s, must be .*\n$" % (name, re.escape(repr(value))), server)
+
+    def test_frequency_of_the_status_that_makes_sense_is_kept(self, scene):
+        for frequency in 1, 20:
+            rospy.set_param(scene.namespace + "/actionlib_status_frequency", frequency)
+            server, stamps = serve(scene, "polite"), set()
+            eventually(lambda: stamps.add(scene.status.header.stamp) or len(stamps) > 6, "some of each status", server)
+            self.assertAlmostEqual(1, (max(stamps) - sorted(stamps)[2]).to_sec() / 4 * frequency, delta=0.5)
+            server.stop()
+
+    def check_names(self, scene, server, other, count):
+        """Expect so many lines that name the action and that other node (str) of a server that has served."""
+        eventually(lambda: scene.send(1) and scene.results, "a goal that is served", server, pause=0.5)
+        server.signal(signal.SIGINT)
+        server.wait()
+        said = [line for _, _, line in server.lines if scene.action[:-1] in line and scene.namespace + other in line]
+        self.assertEqual(count, len(said), "lines that name %s in %s" % (other, server))
+        check_quiet(server)
+
+    def test_second_server_of_an_action_names_the_node_of_the_first(self, scene):
+        serve(scene, "polite", "__name:=first")
+        second = scene.start(GUEST, "polite", "__name:=second")
+        second.expect("%s.*%s/first" % (scene.action[:-1], scene.namespace), timeout=10)
+        self.check_names(scene, second, "/first", 1)
+
+    def test_second_server_of_an_action_in_a_node_names_that_node(self, scene):
+        scene.start(GUEST, "polite", "polite").expect(r"%s/polite/wash_dishes_as\b.*(%s/guest|(same|this) node)\b" % (
+            scene.namespace, scene.namespace), timeout=10)
+
+    def test_server_that_is_started_again_is_no_second_one(self, scene):
+        first = serve(scene, "polite")
+        again = scene.start(GUEST, "polite")
+        first.wait()
+        self.check_names(scene, again, "/guest", 0)
+
+    def test_server_after_one_that_was_killed_is_no_second_one(self, scene):
+        serve(scene, "polite", "__name:=first").stop()
+        self.check_names(scene, scene.start(GUEST, "polite", "__name:=second"), "/first", 0)
+
+    def test_log_names_the_action(self, scene):
+        server = serve(scene, "polite")
+        scene.serves()
+        for line in "goal accepted: number_of_minutes 1", "goal SUCCEEDED: all done":
+            server.expect(": %s: %s$" % (scene.action[:-1], line))
+
+    def test_what_a_peer_sends_steers_no_terminal(self, scene):
+        server = scene.start(GUEST, "polite", "of_texts")
+        probe = Probe(scene.namespace + "/polite").wait_connected(server)
+        for _ in range(2):  # the second one is told of
+            probe.send(1, STEERS)
+        goal = TestRequestActionGoal()
+        goal.goal.result_text = STEERS
+        rospy.Publisher(scene.namespace + "/of_texts/wash_dishes_as/goal", TestRequestActionGoal, latch=True,
+                        queue_size=1).publish(goal)
+        with socket.create_connection(("localhost", peers_port(probe))) as peer:
+            peer.sendall(encode_ros_handshake_header(dict(
+                callerid=STEERS, topic=probe.action + "status", md5sum=STEERS, type=STEERS)))
+            peer.recv(1)
+        for line in "its id", "goal accepted.*result_text":
+            server.expect(line)
+        self.assertNotRegex(server.stdout + server.stderr, re.compile("\x1b|^fake", re.MULTILINE), server)
+
+
+if __name__ == "__main__":
+    rostest.rosrun("actions_tutorial", "endings", Endings)

@@ -1,0 +1,245 @@
+#!/usr/bin/python3
+"""What robust does without a node and without a master."""
+import atexit
+import contextlib
+import inspect
+import io
+import logging
+import signal
+import subprocess
+import sys
+import threading
+import unittest
+import xmlrpc.client
+from concurrent.futures import ThreadPoolExecutor
+from unittest import mock
+
+import actionlib
+import rospy
+import rosunit
+
+from actions_tutorial import robust
+from actions_tutorial.robust import internals, log, peers, rate, server, shutdown
+from processes import eventually
+
+STANDS_FOR = {name: getattr(rospy if hasattr(rospy, name) else actionlib, name)
+              for name in ("init_node", "get_param", "SimpleActionServer", "SimpleActionClient")}
+
+
+def arguments(*values):
+    """A command line with these arguments (str)."""
+    return mock.patch.object(sys, "argv", ["node", *values])
+
+
+@contextlib.contextmanager
+def closer():
+    """A Closer that hears signals, but does not run, and gives up."""
+    one = shutdown.Closer()
+    try:
+        one.heed_signals()
+        yield one
+    finally:
+        one.give_up()
+
+
+def record(*line):
+    """A logging.LogRecord of arguments of rospy.loginfo."""
+    return logging.LogRecord("rosout", logging.INFO, "file", 1, line[0], line[1:], None)
+
+
+def takes(function):
+    """Returns name, kind and whether there is a default, of each parameter of function but those that are additions:
+    keyword-only ones with a default."""
+    parameters = inspect.signature(function).parameters.values()
+    return [(each.name, each.kind, each.default is not each.empty) for each in parameters
+            if each.kind != each.KEYWORD_ONLY or each.default is each.empty]
+
+
+class Units(unittest.TestCase):
+
+    def test_parameter_of_the_command_line_has_the_type_of_its_default(self):
+        for text, default, limits, value in (
+                ("3", 7, {}, 3), ("3", 0.5, {}, 3.0), ("true", False, {}, True), ("a", "b", {}, "a"),
+                ("[1]", [], {}, [1]), ("{a: 1}", {}, {}, {"a": 1}), ("3", 7, {"lowest": 3, "highest": 3}, 3),
+                ("3", 7, {"lowest": 3}, 3), ("3", 7, {"highest": 3}, 3), ("3", None, {}, 3), ("[1]", (1, 2), {}, [1])):
+            with self.subTest(text, default=default, **limits), arguments("_n:=" + text):
+                got = robust.get_param("~n", default, **limits)
+                self.assertEqual((type(value), value), (type(got), got))
+
+    def test_default_counts_where_the_command_line_gives_another_or_none(self):
+        for default in 7, 0.5, "text", True, [1], {"a": 1}, None, (1, 2):
+            with self.subTest(default=default), arguments("_other:=3", "n:=4", "__n:=5"):
+                self.assertEqual(default, robust.get_param("~n", default))
+
+    def test_wrong_parameter_is_a_value_error_that_names_it_its_value_and_what_is_allowed(self):
+        for text, default, limits, words in (
+                ("a", 7, {}, "is 'a', must be a whole number"), ("1.5", 7, {}, "is 1.5, must be a whole number"),
+                ("true", 7, {}, "is True, must be a whole number"), ("true", 0.5, {}, "is True, must be a number"),
+                ("1", True, {}, "is 1, must be true or false"), ("1", "text", {}, "is 1, must be a string"),
+                ("1", [], {}, "is 1, must be a list"), ("[1]", {}, {}, r"is \[1\], must be a dictionary"),
+                ("[", 7, {}, r"is '\[', must be a whole number"), (".nan", 0.5, {"lowest": 0}, "is nan, must be "),
+                ("-1", 7, {"lowest": 0}, "is -1, must be a whole number from 0$"),
+                ("3", 0.5, {"highest": 1.5}, "is 3, must be a number to 1.5$"),
+                ("10", 7, {"lowest": 0, "highest": 9}, "is 10, must be a whole number from 0 to 9$")):
+            with self.subTest(text, default=default, **limits), arguments("_n:=" + text):
+                with self.assertRaisesRegex(ValueError, "^~n " + words):
+                    robust.get_param("~n", default, **limits)
+
+    def test_wrong_argument_is_one_line_and_exit_status_2_and_help_is_0(self):
+        for argument, status, words in (
+                ("3", 2, "unknown argument '3'"), ("_n:=a", 2, "~n is 'a', must be a whole number from 0 to 9"),
+                ("_m:=3", 2, "unknown parameter ~m, must be one of ~n"), ("_n:=10", 2, "~n is 10, must be"),
+                ("n:=3", 2, "'n:=3' renames a topic, must be _n:=3"), ("--help", 0, "how to"), ("-h", 0, "how to")):
+            said = io.StringIO()
+            with self.subTest(argument), arguments(argument), mock.patch.object(sys, "excepthook", sys.excepthook), \
+                    contextlib.redirect_stderr(said), contextlib.redirect_stdout(said), \
+                    self.assertRaises(SystemExit) as end:
+                robust.init_node("node", usage="how to", parameters={"~n": (7, 0, 9)})
+            self.assertEqual(status, end.exception.code)
+            self.assertIn(words, said.getvalue())
+            self.assertEqual(1, said.getvalue().count("\n"), said.getvalue())
+
+    def test_robust_has_what_actionlib_has(self):
+        self.assertEqual([], [name for name, value in vars(actionlib).items() if not (
+            name.startswith("_") or inspect.ismodule(value) or hasattr(robust, name))])
+
+    def test_signatures_are_those_of_rospy_and_actionlib_and_additions_are_keyword_only(self):
+        for name, theirs in STANDS_FOR.items():
+            ours = getattr(robust, name)
+            pairs = {name: (theirs, ours)}
+            if inspect.isclass(theirs):
+                pairs = {"%s.%s" % (name, method): (getattr(theirs, method), getattr(ours, method))
+                         for method in ["__init__"] + [each for each in vars(theirs) if each[0] != "_"]}
+            for what, (their, our) in pairs.items():
+                with self.subTest(what):
+                    self.assertEqual(takes(their), takes(our))
+
+    def test_get_param_in_rospys_place_takes_any_number(self):
+        with mock.patch.object(rospy, "get_param", robust.get_param), arguments("_n:=0.5"):
+            self.assertEqual(0.5, rospy.get_param("~n", 7))
+
+    def test_import_touches_no_signal_where_ctrl_c_is_not_pythons_own_or_others_may_be_using_it(self):
+        for before, how in (("signal.signal(signal.SIGINT, print)", "load()"), ("sys.ps1 = ''", "load()"),
+                            ("import rospy", "load()"), ("", "threading.Thread(target=load).start()")):
+            code = ("import signal, sys, threading\n%s\nfailures, signal.signal = [1], lambda *_: failures.append(2)\n"
+                    "def load():\n    from actions_tutorial import robust\n    failures.remove(1)\n%s\n"
+                    "[one.join() for one in threading.enumerate() if one is not threading.main_thread()]\n"
+                    "sys.exit(bool(failures))" % (before, how))
+            with self.subTest(before or how):
+                self.assertEqual(0, subprocess.call(["/usr/bin/python3", "-c", code]))
+
+    def test_start_that_fails_leaves_no_thread_signal_or_hook_behind(self):
+        def process():
+            return signal.set_wakeup_fd(-1), [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)]
+
+        before = process()
+        with mock.patch.object(atexit, "register") as added, mock.patch.object(atexit, "unregister") as removed, \
+                mock.patch.dict("os.environ", ROS_MASTER_URI="http://localhost:1"), \
+                self.assertRaisesRegex(rospy.ROSInitException, "no master"), arguments("_server_timeout:=0.01"):
+            robust.init_node("node", parameters={"~server_timeout": (0.0, 0, 1)})
+        self.assertEqual((before, added.mock_calls, 0), (process(), removed.mock_calls, len(shutdown.unfinished)))
+        eventually(lambda: not any(isinstance(one, shutdown.Closer) for one in threading.enumerate()), "its end")
+
+    def test_signals_that_nobody_gets_round_to_are_no_error(self):
+        with closer() as one, mock.patch.object(sys, "unraisablehook") as complaint:
+            for _ in range(2000):
+                one.close()
+            signal.raise_signal(signal.SIGTERM)
+        complaint.assert_not_called()
+
+    def test_goals_end_also_where_no_thread_can_be_had_and_those_of_forgotten_servers_are_forgotten(self):
+        class Server:
+            def end(self, deadline):
+                ended.append(self)
+
+        ended, server = [], Server()
+        with mock.patch.object(shutdown, "_endings", []), \
+                mock.patch.object(threading.Thread, "start", side_effect=RuntimeError):
+            for _ in range(3):
+                shutdown.at_end(Server().end)
+            shutdown.at_end(server.end)
+            self.assertEqual(1, len(shutdown._endings))
+            shutdown._end_all_goals()
+        self.assertEqual([server], ended)
+
+    def test_exception_of_a_start_in_another_thread_ends_it_with_a_traceback(self):
+        with ThreadPoolExecutor(1) as thread:
+            self.assertNotIsInstance(thread.submit(internals.cannot_start, "").result(), SystemExit)
+
+    def test_master_that_nobody_reaches_is_an_error_that_rospy_expects(self):
+        with self.assertRaises(xmlrpc.client.ProtocolError):
+            internals.impatient_proxy("http://localhost:1").getPid("/node")
+
+    def logged(self):
+        """Returns a list to which each line of rospy's log is added."""
+        said, handler = [], logging.Handler()
+        handler.emit = lambda line: said.append(line.getMessage())
+        logger, level = logging.getLogger("rosout"), logging.getLogger("rosout").level
+        logger.addHandler(handler)
+        logger.setLevel(logging.INFO)
+        self.addCleanup(lambda: (logger.removeHandler(handler), logger.setLevel(level)))
+        return said
+
+    def test_lines_on_goals_stand_before_later_ones_and_each_line_says_what_was_so_when_it_was_logged(self):
+        said, words, caller = self.logged(), ["then"], mock.Mock()
+        log._soon.append(lambda: "first")
+        log._write_at_once(mock.Mock(_stdout=io.StringIO()), lambda line: said.append(line.msg), record("second"))
+        log._write_later(caller, lambda line: said.append(line.getMessage()), record("%s", words))
+        words[:] = ["now"]
+        caller.put.call_args[0][0]()
+        self.assertEqual(["first", "second", "['then']"], said)
+
+    def test_flush_waits_for_the_lines_so_far_and_the_end_of_a_node_flushes(self):
+        said = self.logged()
+        with closer() as one, mock.patch.object(shutdown, "CLOSED_WITHIN", 0):
+            log._soon.append(lambda: "first")
+            log._others.put(lambda: eventually(lambda: said, "the first") and said.append("second"))
+            one._finish()
+        self.assertEqual(["first", "second"], said)
+
+    def test_line_on_a_goal_that_another_thread_has_just_taken_is_no_error(self):
+        with mock.patch.object(log, "_soon", mock.MagicMock(popleft=mock.Mock(side_effect=IndexError))):
+            log.catch_up()
+
+    def test_peer_that_waits_for_another_in_vain_leaves_the_lock_to_that(self):
+        once = iter([lambda: connect("topic", "uri")])
+        connect = peers._OneAtATime(lambda *_: next(once, lambda: None)())
+        with mock.patch.object(peers, "ANSWERS_WITHIN", 0):
+            connect("topic", "uri")
+
+    def test_period_begins_with_a_simulated_clock_that_begins_during_a_sleep(self):
+        self.addCleanup(rospy.rostime.switch_to_wallclock)
+        self.addCleanup(rospy.rostime.set_rostime_initialized, False)
+        rospy.rostime.set_rostime_initialized(True)
+        rospy.rostime._set_rostime(rospy.Time())
+        asked, a_rate = [], rate.Rate(1, lambda: asked.append(1))
+        with ThreadPoolExecutor(1) as thread:
+            slept = thread.submit(a_rate.sleep)
+            for number, second in enumerate((0, 100, 100.5, 101)):
+                eventually(lambda: len(asked) > number, "a look at the clock")
+                self.assertFalse(slept.done(), "ended at %s" % second)
+                rospy.rostime._set_rostime(rospy.Time(second))
+            self.assertTrue(slept.result(10))
+
+    def test_loop_of_a_server_that_needs_to_terminate_does_not_wait(self):
+        asked = mock.Mock(lock=threading.RLock(), need_to_terminate=True, is_new_goal_available=lambda: False)
+        condition = server._GoalCondition(asked)
+        with condition:
+            self.assertTrue(condition.wait(0.1))
+
+    def test_goal_that_is_recalled_while_the_loop_takes_it_up_is_not_executed(self):
+        asked = mock.Mock()
+        robust.SimpleActionServer._SimpleActionServer__execute(asked, None)
+        self.assertEqual([], asked.mock_calls)
+
+    def test_rate_that_serves_several_goals_ends_one_sleep_for_each_that_is_taken_over(self):
+        asked = mock.Mock(_SimpleActionServer__taken_over=0, is_preempt_requested=lambda: False)
+        with mock.patch.object(rate, "Rate", lambda hz, stop_requested: stop_requested):
+            stop_requested = robust.SimpleActionServer.rate(asked, 1)
+        before = stop_requested()
+        asked._SimpleActionServer__taken_over = 1
+        self.assertEqual([False, True, False], [before, stop_requested(), stop_requested()])
+
+
+if __name__ == "__main__":
+    rosunit.unitrun("actions_tutorial", "units", Units)
