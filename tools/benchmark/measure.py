@@ -245,7 +245,7 @@ class Benchmark:
 
     def measure_with_clients(self, step):
         """More clients connect to our first server; they only listen, as idle clients do. Not to a polling one: of many
-        that start at once, rospy may leave some unconnected for good (robust/connections.py, _OneAtATime)."""
+        that start at once, rospy may leave some unconnected for good (robust/peers.py, _OneAtATime)."""
         clients = self.plan["clients"][step]
         more, self.connected = clients - self.connected, clients
         if more:
