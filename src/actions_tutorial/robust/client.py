@@ -1,29 +1,60 @@
-"""SimpleActionClient: loses no goal and no answer, notices a lost server, and cancels its goal on shutdown."""
+# SPDX-License-Identifier: BSD-3-Clause
+"""SimpleActionClient: loses no goal and no answer, notices a lost server, and cancels its goal on shutdown.
+
+What belongs to a goal stands with the goal (_Goal), so an earlier one cannot spoil a later one.
+
+Threads: answers come in rospy's own, one for each topic of a server. One thread more looks after the goal until it has
+ended, and one asks the server, while wait_for_server() waits. The order of the locks: the goal's mutex, with which the
+library calls done_cb and active_cb; then done_condition; then manager.list_mutex. With the latter two held, no callback
+of the user's is called.
+"""
+from __future__ import annotations
+
+import contextlib
+import io
 import secrets
 import threading
 import time
-import xmlrpc.client
+import traceback
+from typing import Any, Callable, Optional, Union
 
 import actionlib
+import genpy
 import rosgraph
 import rospy
+from actionlib import CommState
+from actionlib.action_client import CommStateMachine
 from actionlib.simple_action_client import SimpleGoalState
-from actionlib_msgs.msg import GoalStatus, GoalStatusArray
+from actionlib_msgs.msg import GoalStatus
 
-from . import node, peers, shutdown
-from .internals import NO_ANSWER, cannot_start, name_of, need
+from . import log, node, peers, shutdown
+from .internals import NO_ANSWER, ask, ask_node, cannot_start, clear, name_of, need
 from .parameters import get_params
+
+Seconds = Union[genpy.Duration, float]
+
+REPEATED_AFTER = 1.0  # s without a word of the server about a goal
+LOOKS = 0.5  # s between two looks at the goal, at most
+LIVING = 6  # times heartbeat_timeout: the patience with a server whose node answers
 
 
 class SimpleActionClient(actionlib.SimpleActionClient):
-    """Like actionlib.SimpleActionClient; what it adds stands with each method.
+    """An actionlib.SimpleActionClient by which each goal has an ending, and that says why it was not SUCCEEDED.
 
-    heartbeat_timeout: seconds for which the server may be silent about the goal before the goal is LOST. A server lists
-    its goals in its status, five times a second unless its parameter actionlib_status_frequency says otherwise. Only
-    time that passes on the ROS clock counts.
+    It needs no init_node of ours. Names of its own begin with two underscores, so that a subclass may have any other.
     """
 
-    def __init__(self, ns, ActionSpec, *, heartbeat_timeout=5.0):
+    def __init__(self, ns: str, ActionSpec: type, *, heartbeat_timeout: float = 5.0) -> None:
+        """Arguments as for actionlib.SimpleActionClient.
+
+        heartbeat_timeout: s for which the server may be silent about the goal before it is LOST; six times as long if
+            its node still answers. A server lists its goals in its status, five times a second unless its parameter
+            actionlib_status_frequency says otherwise. Only time that passes on both clocks counts, ROS's and the real.
+        Raises ValueError for a heartbeat_timeout that is not above 0, rospy.ROSInitException for what prevents a start.
+        """
+        if isinstance(heartbeat_timeout, bool) or not isinstance(heartbeat_timeout, (int, float)) or \
+                not heartbeat_timeout > 0:
+            raise ValueError("heartbeat_timeout is %r, must be a number above 0" % (heartbeat_timeout,))
         try:
             get_params({"actionlib_client_pub_queue_size": (10, None, None),
                         "actionlib_client_sub_queue_size": (-1, None, None)})
@@ -31,176 +62,328 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             super().__init__(ns, ActionSpec)
         except (OSError, ValueError) as error:
             raise cannot_start("the client of %s cannot start: %s" % (rospy.resolve_name(ns), error)) from error
-        need("actionlib", self, "simple_state", "gh", "done_condition", "action_client", "_handle_transition")
-        need("actionlib", self.action_client, "manager", "pub_goal", "pub_cancel", "last_status_msg")
+        need("actionlib", self, "simple_state", "gh", "done_condition", "action_client", "_handle_transition",
+             "_handle_feedback")
+        need("actionlib", self.action_client, "manager", "pub_goal", "pub_cancel", "result_sub", "feedback_sub",
+             "last_status_msg")
         need("actionlib", self.action_client.manager, "list_mutex", "_generate_id")
-        need("actionlib", actionlib.action_client.CommStateMachine, "_mark_as_lost")
-        self._heartbeat_timeout = heartbeat_timeout
-        self._heard = threading.Event()  # the server has mentioned our goal
-        self._why = ""  # the goal has no ending
-        self._waiter = threading.Thread()
-        self._shutting_down = False
-        self._make_ids_unique()
-        self._status = rospy.Subscriber(rospy.remap_name(ns) + "/status", GoalStatusArray, self._hear)
-        shutdown.at_end(self._cancel_on_shutdown)
-
-    def _make_ids_unique(self):
-        """Without it, two clients of one name give the same id while simulated time stands still: the server ignores
-        the second goal, and its client waits for ever (actionlib/action_client.py, _generate_id)."""
+        need("actionlib", CommStateMachine, "update_status", "update_result", "update_feedback", "transition_to",
+             "_mark_as_lost")
+        need("rospy", self.action_client.pub_goal, "impl")
+        need("rospy", self.action_client.pub_goal.impl, "has_connection", "buff")
+        self.__heartbeat_timeout = heartbeat_timeout
+        self.__why_not_sent = "no goal was sent"
+        self.__is_connected = node.asking(self.__ask_server)
+        self.__registered = 0.0  # time.monotonic()
+        self.__watcher: Optional[threading.Thread] = None
+        self.__shutting_down = False
+        # Without it, two clients of one name give the same id while simulated time stands still: the server ignores the
+        # second goal, and its client waits for ever (actionlib/action_client.py, _generate_id).
         generate_id = self.action_client.manager._generate_id
+        self.action_client.manager._generate_id = lambda: _made_unique(generate_id())
+        shutdown.at_end(self.__end_goal)
 
-        def generate_unique_id():
-            goal_id = generate_id()
-            goal_id.id += "-" + secrets.token_hex(4)
-            return goal_id
+    def wait_for_server(self, timeout: Seconds = rospy.Duration()) -> bool:
+        """Wait until messages go both ways between this client and a server, and say every 5 s what for.
 
-        self.action_client.manager._generate_id = generate_unique_id
-
-    def wait_for_server(self, timeout=rospy.Duration()):
-        """Like actionlib's, but timeout (rospy.Duration or s) is real time, and every 5 s it says what it waits for.
-
-        Without it, a simulated clock that stands still stops the time-out, too; and a message sent while a connection
-        is being made is lost.
+        timeout: rospy.Duration or s, of real time (0: for ever; below 0: a look, no wait).
+        Returns whether they do: False after timeout and on shutdown; get_failure() says which.
         """
-        if not self._waiter.is_alive():
-            self._waiter = threading.Thread(target=self._connect, daemon=True)
-            self._waiter.start()
         what = "action " + rospy.resolve_name(self.action_client.ns)
-        seconds = timeout.to_sec() if isinstance(timeout, rospy.Duration) else timeout
-        connected = node.wait_for(what, self._is_connected, seconds)
-        self._why = "" if connected else "interrupted while waiting for the %s" % what if rospy.is_shutdown() else \
+        seconds = _duration(timeout).to_sec()
+        connected = node.wait_for(what, lambda: self.action_client.last_status_msg and self.__is_connected(), seconds)
+        self.__why_not_sent = "no goal was sent" if connected else \
+            "interrupted while waiting for the %s" % what if rospy.is_shutdown() else \
             "no %s within %g s" % (what, seconds)
         return connected
 
-    def _is_connected(self):
-        return not self._waiter.is_alive() and not rospy.is_shutdown()
-
-    def _connect(self):
-        """Wait until the library has connected to the server, and the server says that it has connected to us."""
-        library = threading.Thread(target=super().wait_for_server, daemon=True)
-        library.start()
-        while library.is_alive():
-            library.join(3)
-            if library.is_alive() and self.action_client.last_status_msg:
-                self._register_again()
-        while not rospy.is_shutdown() and not self._server_is_connected():
-            time.sleep(0.02)
-
-    def _register_again(self):
-        """Have the master tell the server of us once more. Without it, a server without robust that has dropped our
-        connections does not make them again (see connections.py, _OneAtATime)."""
-        master = rosgraph.Master(rospy.get_name())
-        for publisher in self.action_client.pub_goal, self.action_client.pub_cancel:
-            try:
-                master.registerPublisher(publisher.resolved_name, publisher.type, rospy.get_node_uri())
-            except NO_ANSWER:
-                pass  # later, then
-
-    def _server_is_connected(self):
+    def __ask_server(self) -> bool:
+        """Returns whether messages go both ways. Without it, what is sent while a connection is being made is lost: the
+        library looks at its own ends only."""
+        client = self.action_client
+        server = client.last_status_msg._connection_header["callerid"]
+        publishers = client.pub_goal, client.pub_cancel
+        if not all(publisher.impl.has_connection(server) for publisher in publishers):
+            self.__register_again(publishers)
+            return False
         try:
-            server = self.action_client.last_status_msg._connection_header["callerid"]
-            uri = rosgraph.Master(rospy.get_name()).lookupNode(server)
-            _, _, connections = xmlrpc.client.ServerProxy(uri).getBusInfo(rospy.get_name())
+            connections = ask_node(server, "getBusInfo", 2)
         except NO_ANSWER:
             return True  # it cannot be asked
-        topics = rospy.resolve_name(self.action_client.ns)
-        connected = {(way, topic) for _, peer, way, _, topic, *_ in connections if peer == rospy.get_name()}
-        return {("o", topics + "/result"), ("o", topics + "/feedback")} <= connected
+        sent = {topic for _, peer, way, _, topic, *_ in connections if peer == rospy.get_name() and way == "o"}
+        return {client.result_sub.resolved_name, client.feedback_sub.resolved_name} <= sent and not rospy.is_shutdown()
 
-    def send_goal(self, goal, done_cb=None, active_cb=None, feedback_cb=None):
-        """Without it, an answer that comes before this returns is dropped as one for another goal."""
-        with self.action_client.manager.list_mutex:  # it waits for this
-            if self._shutting_down:
+    def __register_again(self, publishers: tuple) -> None:
+        """Have the master tell the server of us once more. Without it, a server without robust that has dropped our
+        connections does not make them again (see peers.py, _OneAtATime)."""
+        if not self.__registered:
+            self.__registered = time.monotonic()
+        if time.monotonic() - self.__registered >= 3:
+            self.__registered = time.monotonic()
+            for publisher in publishers:
+                with contextlib.suppress(*NO_ANSWER):  # later, then
+                    ask(rosgraph.get_master_uri(), "registerPublisher", publisher.resolved_name, publisher.type,
+                        rospy.get_node_uri())
+
+    def send_goal(self, goal: genpy.Message, done_cb: Optional[Callable] = None, active_cb: Optional[Callable] = None,
+                  feedback_cb: Optional[Callable] = None) -> None:
+        """Send a goal, and forget the one before. Arguments as for actionlib's; goal may be changed afterwards.
+
+        Raises rospy.ROSSerializationException for a goal that cannot be sent, rospy.ROSInitException on shutdown.
+        """
+        with self.action_client.manager.list_mutex:  # whoever brings an answer waits for this
+            if self.__shutting_down:
                 raise cannot_start("the node was shut down before it sent its goal")
-            self._heard.clear()
-            self._why = ""
-            shutdown.unfinished.add(self.action_client)
-            super().send_goal(goal, done_cb, active_cb, feedback_cb)
-            self._believe_no_older_status(self.gh.comm_state_machine)
-        threading.Thread(target=self._watch, args=[self.gh], daemon=True).start()
+            try:
+                super().send_goal(goal, done_cb, active_cb, feedback_cb)
+                machine = self.gh.comm_state_machine
+                machine.__class__ = _Goal
+                machine.begin(done_cb, active_cb, feedback_cb)
+            except (rospy.ROSSerializationException, genpy.SerializationError) as error:
+                # Without it, what is written of it stays in rospy's buffer, and spoils the next goal.
+                clear(self.action_client.pub_goal)
+                self.stop_tracking_goal()
+                self.simple_state = SimpleGoalState.DONE
+                self.__why_not_sent = "the goal cannot be sent: %s" % error
+                raise rospy.ROSSerializationException(str(error)) from error
+            shutdown.unfinished.add(machine)
+            if not self.__watcher:
+                self.__watcher = threading.Thread(target=self.__watch, daemon=True)
+                self.__watcher.start()
 
-    def _believe_no_older_status(self, machine):
-        """Without it, a goal that is cancelled in its first moment is LOST when a status arrives that was sent before
-        the server knew the goal (actionlib/action_client.py, update_status)."""
-        self._mentioned = False
-        self._mark_as_lost = machine._mark_as_lost
-        machine._mark_as_lost = lambda: self._mentioned and self._mark_as_lost()
+    def send_goal_and_wait(self, goal: genpy.Message, execute_timeout: Seconds = rospy.Duration(),
+                           preempt_timeout: Seconds = rospy.Duration()) -> int:
+        """Send a goal and wait for its ending; after execute_timeout cancel it, and wait for preempt_timeout.
 
-    def wait_for_result(self, timeout=rospy.Duration()):
-        """Like actionlib's; returns False, too, when the server is lost."""
-        return super().wait_for_result(timeout) and self.get_state() != GoalStatus.LOST
+        Both: rospy.Duration or s, on the ROS clock (0: for ever). Returns the state (actionlib_msgs/GoalStatus).
+        """
+        return super().send_goal_and_wait(goal, _duration(execute_timeout), _duration(preempt_timeout))
 
-    def get_goal_status_text(self):
-        """The server's words or, if the goal has no ending, why."""
-        return self._why or super().get_goal_status_text()
+    def wait_for_result(self, timeout: Seconds = rospy.Duration()) -> bool:
+        """Wait for the goal's ending.
 
-    def get_failure(self):
-        """Returns None if the goal SUCCEEDED, else why it did not (str): its state and the server's words, or why it
-        was not sent."""
-        if not self.gh:
-            return self._why
+        timeout: rospy.Duration or s, on the ROS clock, from when that has begun (0: for ever; below 0: a look).
+        Returns True when the result is there and done_cb has run, even if that failed or sent the next goal. False
+        after timeout, on shutdown, without a goal, and when the server is lost; get_failure() says which.
+        """
+        goal, timeout, end = self.__goal(), _duration(timeout), None
+        if not goal:
+            return super().wait_for_result(timeout)  # which logs an error
+        with self.done_condition:
+            while not goal.is_over and not rospy.is_shutdown():
+                now = rospy.get_rostime()
+                if end is None and not now.is_zero():
+                    end = now + timeout
+                if timeout and (timeout < rospy.Duration() or end is not None and now >= end):
+                    break
+                self.done_condition.wait(min(0.1, (end - now).to_sec()) if timeout and end is not None else 0.1)
+                if goal.simple_state != SimpleGoalState.DONE and self.__goal() is not goal:
+                    goal = self.__goal()  # another thread has sent it
+                    if not goal:
+                        return False
+        return goal.is_over and goal.latest_goal_status.status != GoalStatus.LOST
+
+    def cancel_goal(self) -> None:
+        """Ask the server to stop the goal, if it has not ended. Otherwise nothing changes."""
+        goal = self.__goal()
+        if goal:
+            goal.cancel()
+
+    def get_state(self) -> int:
+        """Returns the goal's state (actionlib_msgs/GoalStatus): PENDING or ACTIVE until its ending and its result are
+        there; LOST without a goal."""
+        goal = self.__goal()
+        # Without it, the state is SUCCEEDED with the status, and get_result() None still. The simple states have the
+        # same numbers.
+        return goal.simple_state if goal and goal.simple_state != SimpleGoalState.DONE else super().get_state()
+
+    def get_goal_status_text(self) -> str:
+        """Returns the server's words or, if the server has given the goal no ending, why."""
+        goal = self.__goal()
+        return goal and goal.why or super().get_goal_status_text()
+
+    def get_failure(self) -> Optional[str]:
+        """Returns None if the goal SUCCEEDED, else why not (str): its state and the server's words, or why the server
+        has given it no ending, or why none was sent."""
+        goal = self.__goal()
+        if not goal:
+            return self.__why_not_sent
         state = self.get_state()
         if state == GoalStatus.SUCCEEDED:
             return None
-        return "goal %s: %s" % (name_of(state), self.get_goal_status_text())
+        text = self.get_goal_status_text() or (
+            "no ending so far" if state in (GoalStatus.PENDING, GoalStatus.ACTIVE) else "the server does not say why")
+        return "goal %s: %s" % (name_of(state), text)
 
-    def _hear(self, status):
-        handle = self.gh
-        if handle and _id(handle) in [each.goal_id.id for each in status.status_list]:
-            self._mentioned = True
-            self._heard.set()
+    def __goal(self) -> Any:
+        """Returns the goal that is tracked (_Goal), or None."""
+        with self.action_client.manager.list_mutex:
+            return self.gh and self.gh.comm_state_machine
 
-    def _watch(self, handle):
-        """Without it, a client whose server is gone waits for ever, and a goal that rospy dropped is lost
-        (rospy/topics.py, add_connection: when a peer connects twice)."""
-        silence, repeat, ros, wall = 0.0, 1.0, rospy.get_time(), time.monotonic()
-        while handle is self.gh and self.simple_state != SimpleGoalState.DONE and not rospy.is_shutdown():
+    def __reaches(self, goal: Any, state: int) -> bool:
+        """Returns whether goal is the one that is tracked, and reaches a simple state that it did not have."""
+        with self.action_client.manager.list_mutex:
+            if goal is not self.__goal() or goal.simple_state >= state:
+                return False
+            goal.simple_state = self.simple_state = state
+            return True
+
+    def _handle_transition(self, gh: actionlib.ClientGoalHandle) -> None:
+        """For the library. In its own, the state becomes DONE after done_cb: for a goal that is sent from there, too,
+        and never if that raises. A goal that is not tracked any more needs no error; neither does its feedback."""
+        goal, state = gh.comm_state_machine, gh.get_comm_state()
+        if state in (CommState.ACTIVE, CommState.PREEMPTING) and self.__reaches(goal, SimpleGoalState.ACTIVE):
+            _call(goal.active_cb)
+        elif state == CommState.DONE and self.__reaches(goal, SimpleGoalState.DONE):
+            if gh.get_goal_status() == GoalStatus.SUCCEEDED:
+                shutdown.unfinished.discard(goal)
+            _call(goal.done_cb, gh.get_goal_status(), gh.get_result())
             with self.done_condition:
-                self.done_condition.wait(0.1)
+                goal.is_over = True
+                self.done_condition.notify_all()
+
+    def _handle_feedback(self, gh: actionlib.ClientGoalHandle, feedback: genpy.Message) -> None:
+        goal = gh.comm_state_machine
+        if goal is self.__goal() and goal.users_feedback_cb:
+            goal.users_feedback_cb(feedback)
+
+    def __watch(self) -> None:
+        """Look after the goal until it has ended. Without it, a client whose server is gone waits for ever, and a goal
+        that rospy dropped is lost (rospy/topics.py, add_connection: when a peer connects twice)."""
+        ros, wall = rospy.get_time(), time.monotonic()
+        while True:
+            time.sleep(min(LOOKS, self.__heartbeat_timeout / 4))
             ros_before, wall_before, ros, wall = ros, wall, rospy.get_time(), time.monotonic()
+            with self.action_client.manager.list_mutex:
+                goal = self.__goal()
+                if not goal or goal.simple_state == SimpleGoalState.DONE or rospy.is_shutdown():
+                    self.__watcher = None
+                    return
             # What counts is time that passed on both clocks, so neither a paused simulation nor a jump of its clock is
-            # silence; and no more than 0.5 s at once, for we may have been stopped ourselves.
-            silence += max(0.0, min(ros - ros_before, wall - wall_before, 0.5))
-            repeat -= wall - wall_before
-            if self._heard.is_set():
-                self._heard.clear()
-                silence = 0.0
-            if repeat <= 0 and handle.get_comm_state() == actionlib.CommState.WAITING_FOR_GOAL_ACK:
-                repeat = 1.0
-                self.action_client.pub_goal.publish(handle.comm_state_machine.action_goal)  # its id makes this harmless
-            if silence > self._heartbeat_timeout:
-                self._lose(handle, "server lost: silent for %.1f s (heartbeat_timeout is %g s)" % (
-                    silence, self._heartbeat_timeout))
+            # silence; and no more than one look's, for we may have been stopped ourselves.
+            goal.silence += max(0.0, min(ros - ros_before, wall - wall_before, LOOKS))
+            speaks_of_others = goal.look()
+            if goal.state == CommState.WAITING_FOR_GOAL_ACK and wall - goal.sent_at >= REPEATED_AFTER:
+                goal.send_again()
+            if goal.silence > self.__heartbeat_timeout and (
+                    speaks_of_others or goal.silence > LIVING * self.__heartbeat_timeout or not self.__server_lives()):
+                goal.lose("server lost: silent for %.1f s (heartbeat_timeout is %g s)" % (
+                    goal.silence, self.__heartbeat_timeout))
 
-    def _lose(self, handle, why):
-        machine = handle.comm_state_machine
-        with machine.mutex:
-            if machine.state != actionlib.CommState.DONE:
-                self._why = why
-                handle.cancel()  # in case the server is only asleep
-                self._mark_as_lost()
+    def __server_lives(self) -> bool:
+        """Without it, a server is lost whose callback for goals takes its time: that holds the lock that a status needs
+        (actionlib/action_server.py, internal_goal_callback)."""
+        status = self.action_client.last_status_msg
+        try:
+            return bool(status and ask_node(status._connection_header["callerid"], "getPid"))
+        except NO_ANSWER:
+            return False
 
-    def _handle_transition(self, gh):
-        if gh.get_goal_status() == GoalStatus.LOST and not self._why:
-            self._why = "the server no longer knows the goal"
-        if gh == self.gh and gh.get_goal_status() == GoalStatus.SUCCEEDED:
-            shutdown.unfinished.discard(self.action_client)
-        super()._handle_transition(gh)
-
-    def _cancel_on_shutdown(self, deadline):
+    def __end_goal(self, deadline: float) -> None:
         """Without it, the server works on for nobody."""
         with self.action_client.manager.list_mutex:  # either send_goal is running, or it sends nothing from now on
-            self._shutting_down = True
-        if self._has_goal():
-            self.cancel_goal()
-        while self._has_goal() and time.monotonic() < deadline:
-            time.sleep(0.01)
-        if self._has_goal():
-            self._why = "a cancel was sent, no ending came within 1 s"
-
-    def _has_goal(self):
-        return self.gh and self.simple_state != SimpleGoalState.DONE
+            self.__shutting_down = True
+            goal = self.__goal()
+        if goal:
+            goal.cancel()
+            while goal.simple_state != SimpleGoalState.DONE and time.monotonic() < deadline:
+                time.sleep(0.01)
+            if goal.simple_state != SimpleGoalState.DONE:
+                goal.why = "a cancel was sent, no ending came within 1 s"
 
 
-def _id(handle):
-    return handle.comm_state_machine.action_goal.goal_id.id
+class _Goal(CommStateMachine):
+    """What the library knows of a goal that was sent, and what we know of it: what was made a CommStateMachine, for the
+    library knows no other class, becomes one of these before any answer gets to it."""
+
+    def begin(self, done_cb: Optional[Callable], active_cb: Optional[Callable],
+              feedback_cb: Optional[Callable]) -> None:
+        self.done_cb, self.active_cb, self.users_feedback_cb = done_cb, active_cb, feedback_cb
+        self.simple_state = SimpleGoalState.PENDING
+        self.is_over = False  # DONE, and done_cb has run
+        self.why = ""  # the server has given it no ending
+        self.is_known = False  # the server has mentioned it
+        self.mentioned, self.passed_over = True, False  # in a status since the last look
+        self.silence = 0.0  # s
+        self.sent_at = time.monotonic()
+        sent = io.BytesIO()
+        self.action_goal.serialize(sent)
+        self.sent = sent.getvalue()  # the message itself may be used again
+
+    def look(self) -> bool:
+        """Returns whether the server has spoken since the last look, but not of this goal."""
+        mentioned, passed_over = self.mentioned, self.passed_over
+        self.mentioned = self.passed_over = False
+        if mentioned:
+            self.silence = 0.0
+        return passed_over and not mentioned
+
+    def send_again(self) -> None:
+        """The id makes it harmless."""
+        self.sent_at = time.monotonic()
+        with contextlib.suppress(rospy.ROSException):  # the client was stopped
+            self.send_goal_fn(type(self.action_goal)().deserialize(self.sent))
+
+    def cancel(self) -> None:
+        """Ask the server to stop it, if it has not ended."""
+        with self.mutex, contextlib.suppress(rospy.ROSException):  # the client was stopped
+            if self.state != CommState.DONE:
+                actionlib.ClientGoalHandle(self).cancel()
+
+    def lose(self, why: str) -> None:
+        """End it here, and say why."""
+        with self.mutex:
+            if self.state != CommState.DONE:
+                self.cancel()  # in case the server is only asleep
+                self.why = why
+                super()._mark_as_lost()
+
+    def update_status(self, status_array: Any) -> None:
+        with self.mutex:
+            if any(status.goal_id.id == self.action_goal.goal_id.id for status in status_array.status_list):
+                self.mentioned = self.is_known = True
+            else:
+                self.passed_over = True
+            super().update_status(status_array)
+
+    def update_result(self, action_result: Any) -> None:
+        with self.mutex:
+            if self.state != CommState.DONE:  # a goal that is LOST stays so
+                super().update_result(action_result)
+
+    def update_feedback(self, action_feedback: Any) -> None:
+        """Without it, the last feedback is dropped if the one before takes its callback longer than the result takes
+        to come."""
+        if self.action_goal.goal_id.id == action_feedback.status.goal_id.id:
+            self.feedback_cb(actionlib.ClientGoalHandle(self), action_feedback.feedback)
+
+    def transition_to(self, state: int) -> None:
+        if self.state != CommState.DONE:  # a cancel after the end changes nothing
+            super().transition_to(state)
+
+    def _mark_as_lost(self) -> None:
+        """Without it, a goal that is cancelled in its first moment is LOST when a status arrives that was sent before
+        the server knew the goal (actionlib/action_client.py, update_status)."""
+        if self.is_known:
+            self.why = "the server no longer knows the goal"
+            super()._mark_as_lost()
+
+
+def _call(callback: Optional[Callable], *args: Any) -> None:
+    """Call a callback of the user's. Without it, one that raises takes along whatever the library has to do after it."""
+    try:
+        if callback:
+            callback(*args)
+    except BaseException:  # sys.exit would end the thread that brings the answers
+        trace = "\n".join(map(log.printable, traceback.format_exc().splitlines()))
+        rospy.logerr("the callback %s failed: %s", getattr(callback, "__name__", callback), trace)
+
+
+def _duration(timeout: Seconds) -> genpy.Duration:
+    return timeout if isinstance(timeout, genpy.Duration) else rospy.Duration(timeout)
+
+
+def _made_unique(goal_id: Any) -> Any:
+    goal_id.id += "-" + secrets.token_hex(4)
+    return goal_id
+

@@ -4,7 +4,6 @@ import importlib.metadata
 import threading
 import xmlrpc.client
 
-import actionlib  # noqa: F401  # gives GoalStatus its to_string
 import rosgraph
 import rospy
 from actionlib_msgs.msg import GoalStatus
@@ -47,14 +46,34 @@ def is_initialized():
 
 def name_of(state):
     """Returns the name (str) of a state of actionlib_msgs/GoalStatus (int)."""
-    need("actionlib", GoalStatus, "to_string")
-    return GoalStatus.to_string(state)
+    # GoalStatus.to_string, of actionlib, calls PENDING "_has_header": that is False, which equals 0.
+    return next(name for name, value in vars(GoalStatus).items() if name.isupper() and value == state)
 
 
 def impatient_proxy(uri, timeout=0.5):
     """Returns an xmlrpc.client.ServerProxy whose calls raise one of NO_ANSWER after timeout (real s): rospy's own wait
     for ever, or for 60 s."""
     return xmlrpc.client.ServerProxy(uri, transport=_Impatient(timeout))
+
+
+def ask(uri, call, *arguments, timeout=0.5):
+    """Returns the value that a master or a node answers to a call (str) of ROS's API. Raises one of NO_ANSWER."""
+    code, text, value = getattr(impatient_proxy(uri, timeout), call)(rospy.get_name(), *arguments)
+    if code != 1:
+        raise rosgraph.MasterFailure(text)
+    return value
+
+
+def ask_node(name, call, timeout=0.5):
+    """As ask(), of the node with that name (str)."""
+    return ask(ask(rosgraph.get_master_uri(), "lookupNode", name, timeout=timeout), call, timeout=timeout)
+
+
+def clear(publisher):
+    """Without it, what is written of a message that cannot be sent stays in rospy's buffer and goes out with the next
+    one (rospy/topics.py, publish)."""
+    publisher.impl.buff.seek(0)
+    publisher.impl.buff.truncate(0)
 
 
 class _Impatient(xmlrpc.client.Transport):

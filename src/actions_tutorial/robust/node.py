@@ -109,20 +109,35 @@ def _check_surroundings(arguments):
     return uri
 
 
+def asking(question):
+    """Returns is_there() for wait_for(): whether the answer to question() (bool) is yes. It is asked in a thread, one
+    at a time, for an answer may take for ever; one that comes late counts at the next call."""
+    thread, answer = None, False
+
+    def ask():
+        nonlocal answer
+        answer = question()
+
+    def is_there():
+        nonlocal thread, answer
+        mine = thread
+        if not mine:
+            answer = False
+            mine = thread = threading.Thread(target=ask, daemon=True)
+            mine.start()
+        mine.join(0.02)
+        if mine.is_alive():
+            return False
+        thread = None
+        return answer
+
+    return is_there
+
+
 def _wait_for_master(uri, timeout):
     """Without it, rospy waits for ever, and says so on stdout; and a master that is frozen, or behind a firewall that
     drops packets, holds up the main thread even so: rosgraph.is_master_online has no time-out."""
-    answers, asking = [], threading.Thread()
-
-    def is_online():
-        nonlocal asking
-        if not asking.is_alive() and not any(answers):
-            asking = threading.Thread(target=lambda: answers.append(rosgraph.is_master_online()), daemon=True)
-            asking.start()
-            asking.join(0.2)
-        return any(answers)
-
-    if not wait_for("master " + uri, is_online, timeout):
+    if not wait_for("master " + uri, asking(rosgraph.is_master_online), timeout):
         raise cannot_start("interrupted while waiting for the master %s" % uri if rospy.is_shutdown() else
                            "no master %s within %g s (~server_timeout)" % (uri, timeout))
 

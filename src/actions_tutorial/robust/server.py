@@ -17,7 +17,7 @@ import rospy
 from actionlib_msgs.msg import GoalStatus, GoalStatusArray
 
 from . import log, peers, rate, shutdown
-from .internals import NO_ANSWER, cannot_start, impatient_proxy, name_of, need
+from .internals import NO_ANSWER, ask, ask_node, cannot_start, clear, name_of, need
 from .parameters import get_params
 
 LATER = 0.005  # s: a head start for what a client must hear first
@@ -221,12 +221,10 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         others = {rospy.get_name()} if twin is not self and twin.action_server.started else set()
         _servers[self.__name] = self
         try:
-            master = impatient_proxy(rosgraph.get_master_uri(), 2)
-            _, _, (publishers, _, _) = master.getSystemState(rospy.get_name())
+            publishers, _, _ = ask(rosgraph.get_master_uri(), "getSystemState", timeout=2)
             for node in set(dict(publishers).get(self.action_server.status_pub.resolved_name, ())) - {rospy.get_name()}:
-                found, _, uri = master.lookupNode(rospy.get_name(), node)
                 with contextlib.suppress(*NO_ANSWER):  # one that was killed is listed still
-                    if found == 1 and impatient_proxy(uri).getPid(rospy.get_name()):
+                    if ask_node(node, "getPid"):
                         others.add(node)
         except NO_ANSWER:
             pass
@@ -309,23 +307,22 @@ class _ActionServer(actionlib.ActionServer):
                 self._later = before
 
     def publish_result(self, status, result):
-        """Without it, a result that cannot be sent takes the next one with it: what is written of it stays in rospy's
-        buffer (rospy/topics.py, publish)."""
+        """Without it, a goal whose result cannot be sent has no ending."""
         with self.lock:
             self._unshown.append(next(one for one in reversed(self.status_list) if one.status is status))
             try:
                 super().publish_result(status, result)
             except Exception as error:
-                _clear(self.result_pub)
-                rospy.logerr("%s: the result cannot be sent: %s", rospy.resolve_name(self.ns), error)
+                clear(self.result_pub)
                 status.status, status.text = GoalStatus.ABORTED, _sendable("the result cannot be sent: %s" % error)
+                rospy.logerr("%s: %s", rospy.resolve_name(self.ns), log.printable(status.text))
                 super().publish_result(status, self.ActionResultType())
 
     def publish_feedback(self, status, feedback):
         try:
             super().publish_feedback(status, feedback)
         except Exception:
-            _clear(self.feedback_pub)
+            clear(self.feedback_pub)
             raise
 
     def internal_goal_callback(self, goal):
@@ -390,8 +387,3 @@ def _plain_fields(goal):
 def _sendable(text):
     """Returns text as a str that UTF-8 can hold."""
     return str(text).encode("utf-8", "backslashreplace").decode("utf-8")
-
-
-def _clear(publisher):
-    publisher.impl.buff.seek(0)
-    publisher.impl.buff.truncate(0)
