@@ -11,13 +11,13 @@ Exit status: 0 SUCCEEDED; 1 any other ending; 2 a wrong parameter or argument; n
 import sys
 
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
-from actions_tutorial import robust  # rospy's and actionlib's calls, made robust; before rospy, so that Ctrl-C is quiet
+from actions_tutorial import robust  # in place of actionlib; imported before rospy, so that Ctrl-C is quiet at once
 import rospy
 
-PARAMETERS = {  # default, lowest, highest
-    "~number_of_minutes": (7, -2**31, 2**31 - 1),  # int32
-    "~server_timeout": (0.0, 0.0, 1e9),
-    "~heartbeat_timeout": (5.0, 0.001, 1e9),
+PARAMETERS = {  # default, lowest and highest value; None: no limit
+    "~number_of_minutes": (7, -2147483648, 2147483647),  # what an int32 of the action file can hold
+    "~server_timeout": (0.0, 0.0, None),
+    "~heartbeat_timeout": (5.0, 0.1, None),
 }
 
 
@@ -27,11 +27,11 @@ def feedback_cb(msg):
 
 
 def call_server(number_of_minutes, server_timeout, heartbeat_timeout):
-    """Send a goal and wait for its ending. Ctrl-C cancels it.
+    """Send a goal and wait for its ending. If the node is stopped meanwhile (Ctrl-C), the client cancels the goal.
 
     Returns (result, failure): the result may be partial, or None; the failure (str) is None for SUCCEEDED.
     """
-    # actionlib.SimpleActionClient and a little more: heartbeat_timeout and get_failure().
+    # As actionlib.SimpleActionClient; heartbeat_timeout and get_failure() are robust's own.
     client = robust.SimpleActionClient("wash_dishes_as", WashTheDishesAction, heartbeat_timeout=heartbeat_timeout)
     if not client.wait_for_server(rospy.Duration(server_timeout)):
         return None, client.get_failure() + " (~server_timeout)"
@@ -44,7 +44,9 @@ def call_server(number_of_minutes, server_timeout, heartbeat_timeout):
 
 def main():
     """Returns the exit status."""
-    result, failure = call_server(*robust.init_node("action_client", usage=__doc__, parameters=PARAMETERS))
+    # As rospy.init_node; it also checks the parameters, and returns their values in the table's order.
+    values = robust.init_node("action_client", usage=__doc__, parameters=PARAMETERS)
+    result, failure = call_server(*values)
     if result is not None:
         print("The result is: %s" % result)
     if failure:

@@ -68,7 +68,7 @@ class TestClient(NodeCase):
                     ("abc", "'abc'"), ("3.5", "3.5"), ("99999999999", "99999999999"), ("true", "True"),
                     ("-2147483649", "-2147483649"), ("[1]", "[1]"), ("[", "'['"), ("'7'", "'7'"))),
                 ("server_timeout", "from 0", (("-1", "-1"), ("soon", "'soon'"))),
-                ("heartbeat_timeout", "from 0.001", (
+                ("heartbeat_timeout", "from 0.1", (
                     ("0", "0"), ("-5", "-5"), (".nan", "nan"), (".inf", "inf"), ("false", "False")))):
             for value, shown in values:
                 self.refused(scene, ("~" + name, " is " + shown, allowed), "_%s:=%s" % (name, value))

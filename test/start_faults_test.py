@@ -60,7 +60,7 @@ class StartFaults(unittest.TestCase):
 
     def test_wrong_parameter_of_an_earlier_run_is_named_as_such(self, master):
         master.api.setParam("/action_client/heartbeat_timeout", "long")
-        self.refused(master.node("action_client.py"), 2, "~heartbeat_timeout is 'long', must be a number from 0.001",
+        self.refused(master.node("action_client.py"), 2, "~heartbeat_timeout is 'long', must be a number from 0.1",
                      "from the parameter server; `rosparam delete /action_client`")
 
     def test_master_uri_that_is_none_is_named(self, master):

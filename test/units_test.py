@@ -5,6 +5,8 @@ import contextlib
 import inspect
 import io
 import logging
+import pathlib
+import re
 import signal
 import subprocess
 import sys
@@ -53,6 +55,14 @@ def takes(function):
     parameters = inspect.signature(function).parameters.values()
     return [(each.name, each.kind, each.default is not each.empty) for each in parameters
             if each.kind != each.KEYWORD_ONLY or each.default is each.empty]
+
+
+def written(name, function):
+    """Returns the signature of function, called name, as doc/robust.md writes it."""
+    signature = inspect.signature(function)
+    parts = str(signature.replace(return_annotation=signature.empty, parameters=[
+        each.replace(annotation=each.empty) for each in signature.parameters.values() if each.name != "self"]))
+    return name + re.sub("<object[^>]*>", "…", parts).replace("rospy.Duration[0]", "rospy.Duration()")
 
 
 class Units(unittest.TestCase):
@@ -113,6 +123,20 @@ class Units(unittest.TestCase):
             for what, (their, our) in pairs.items():
                 with self.subTest(what):
                     self.assertEqual(takes(their), takes(our))
+
+    def test_reference_has_the_signature_of_each_public_name_and_the_package_the_version(self):
+        root = pathlib.Path(__file__).resolve().parent.parent
+        page = (root / "doc" / "robust.md").read_text()
+        for name in STANDS_FOR:
+            ours = getattr(robust, name)
+            public = {name: ours}
+            if inspect.isclass(ours):
+                public.update((method, function) for method, function in vars(ours).items()
+                              if not method.startswith(("_", "internal_")) and callable(function))
+            for called, function in public.items():
+                self.assertIn("`%s`" % written(called, function), page)
+                self.assertTrue(inspect.getdoc(function), called)
+        self.assertIn("<version>%s</version>" % robust.__version__, (root / "package.xml").read_text())
 
     def test_get_param_in_rospys_place_takes_any_number(self):
         with mock.patch.object(rospy, "get_param", robust.get_param), arguments("_n:=0.5"):

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Stand-ins for what rospy and actionlib offer a node: the same calls, with the gaps behind them closed.
 
     from actions_tutorial import robust
@@ -9,6 +10,8 @@ has, robust has, too. Import it before rospy.
 import signal
 import sys
 import threading
+
+__version__ = "1.1.0"
 
 # While the imports below take half a second, Ctrl-C ends the program without a traceback; then it is as it was.
 _quiet = threading.current_thread() is threading.main_thread() and "rospy" not in sys.modules and \

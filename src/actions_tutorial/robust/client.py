@@ -370,7 +370,7 @@ class _Goal(CommStateMachine):
 
 
 def _call(callback: Optional[Callable], *args: Any) -> None:
-    """Call a callback of the user's. Without it, one that raises takes along whatever the library has to do after it."""
+    """Call a callback of the user's. Without it, one that raises takes along what the library has to do after it."""
     try:
         if callback:
             callback(*args)
@@ -386,4 +386,3 @@ def _duration(timeout: Seconds) -> genpy.Duration:
 def _made_unique(goal_id: Any) -> Any:
     goal_id.id += "-" + secrets.token_hex(4)
     return goal_id
-

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What robust uses of rospy and actionlib without their documenting it, checked when a node starts."""
 import http.client
 import importlib.metadata

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The log of a node: no line of it can block or break the node, and what others sent cannot steer a terminal.
 
 A line goes to the terminal at once, if that takes it without waiting, so the lines of several nodes on one terminal
@@ -26,8 +27,8 @@ AT_ONCE = 2000  # characters; a pipe that takes anything takes 4096 bytes withou
 
 _ROSPY = os.path.join("rospy", "impl", "")
 
-_taken = []  # the handlers, as long as nobody has to wait for them
-_soon = collections.deque(maxlen=WAITING)  # lines on goals: functions that return them
+_taken: list = []  # the handlers, as long as nobody has to wait for them
+_soon: collections.deque = collections.deque(maxlen=WAITING)  # lines on goals: functions that return them
 
 
 def printable(text):

@@ -1,10 +1,14 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """init_node: a node that starts, or says in one line why it cannot."""
+from __future__ import annotations
+
 import contextlib
 import logging
 import sys
 import threading
 import time
 import urllib.parse
+from typing import Any, Dict, List, Optional, Tuple
 
 import rosgraph
 import rospy
@@ -17,8 +21,10 @@ from .shutdown import Closer
 _rospy_init_node = rospy.init_node  # a program may put ours in its place
 
 
-def init_node(name, argv=None, anonymous=False, log_level=None, disable_rostime=False, disable_rosout=False,
-              disable_signals=False, xmlrpc_port=0, tcpros_port=0, *, usage=None, parameters=None):
+def init_node(name: str, argv: Optional[List[str]] = None, anonymous: bool = False, log_level: Optional[int] = None,
+              disable_rostime: bool = False, disable_rosout: bool = False, disable_signals: bool = False,
+              xmlrpc_port: int = 0, tcpros_port: int = 0, *, usage: Optional[str] = None,
+              parameters: Optional[Dict[str, Tuple[Any, Any, Any]]] = None) -> Tuple[Any, ...]:
     """Start the node, as rospy.init_node does, so that it ends within 2 s of SIGINT, SIGTERM and SIGHUP, and that no
     line of log can stop or fail it.
 

@@ -1,5 +1,10 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Checks parameters and arguments: a wrong one is named, with its value and what is allowed."""
+from __future__ import annotations
+
+import math
 import sys
+from typing import Any, Optional
 
 import rospy
 import yaml
@@ -12,7 +17,8 @@ _KINDS = {int: "a whole number", float: "a number", str: "a string", bool: "true
           dict: "a dictionary"}
 
 
-def get_param(param_name, default=_UNSPECIFIED, *, lowest=None, highest=None):
+def get_param(param_name: str, default: Any = _UNSPECIFIED, *, lowest: Optional[float] = None,
+              highest: Optional[float] = None) -> Any:
     """Get a parameter, as rospy.get_param does, and check its value: it has the type of default and lies from lowest to
     highest (None: no limit). A default of None, or of a type that ROS does not have, checks nothing.
 
@@ -30,7 +36,7 @@ def get_param(param_name, default=_UNSPECIFIED, *, lowest=None, highest=None):
     if rospy.get_param is get_param and kind is int and isinstance(value, float):
         return value  # in rospy's place: a program that was written for rospy may mean any number
     right = isinstance(value, (int, float) if kind is float else kind) and isinstance(value, bool) == (kind is bool)
-    if right and (lowest is None or lowest <= value) and (highest is None or value <= highest):
+    if right and (lowest is None or lowest <= value < math.inf) and (highest is None or -math.inf < value <= highest):
         return kind(value)
 
     must_be = _KINDS[kind]

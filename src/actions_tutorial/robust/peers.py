@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Peers that connect and stay silent, or many at once: the next peer is served all the same."""
 import errno
 import os

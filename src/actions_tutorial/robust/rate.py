@@ -1,4 +1,9 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """A rate whose sleep() a stop ends."""
+from __future__ import annotations
+
+from typing import Callable
+
 import rospy
 
 from .internals import need
@@ -12,13 +17,14 @@ class Rate(rospy.Rate):
     is locked.
     """
 
-    def __init__(self, hz, stop_requested):
+    def __init__(self, hz: float, stop_requested: Callable[[], bool]) -> None:
         super().__init__(hz)
+        self.last_time: rospy.Time
         need("rospy", self, "last_time", "sleep_dur", "remaining")
         need("rospy", rospy.rostime, "get_rostime_cond", "is_wallclock")
         self._stop_requested = stop_requested
 
-    def sleep(self):
+    def sleep(self) -> bool:
         """Sleeps until the end of the period, on the ROS clock. Returns True then, and False at once when a stop is
         asked for. Late, or after a jump of the clock, it does what rospy.Rate does."""
         called, clock = rospy.Time.now(), rospy.rostime.get_rostime_cond()

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """SimpleActionServer: takes a goal up at once, stops at once, and leaves no goal without an ending.
 
 Threads, as with actionlib: one for execute_cb, and a rospy.Timer that publishes the status. Goals and cancels come in
@@ -5,13 +6,17 @@ rospy's own, one for each client. The order of the locks: action_server.lock, th
 execute_condition's, too), then the clock's condition (rate.py). A callback for goals or preempts is called with the
 first two held, so whatever has to go on while it blocks must not wait for them: see __shut_down.
 """
+from __future__ import annotations
+
 import contextlib
 import threading
 import time
 import traceback
 import weakref
+from typing import Any, Callable, Optional
 
 import actionlib
+import genpy
 import rosgraph
 import rospy
 from actionlib_msgs.msg import GoalStatus, GoalStatusArray
@@ -25,7 +30,8 @@ SHUTTING_DOWN = "the server is shutting down"
 _RECALLABLE = GoalStatus.PENDING, GoalStatus.RECALLING
 _UNENDED = _RECALLABLE + (GoalStatus.ACTIVE, GoalStatus.PREEMPTING)
 
-_servers = weakref.WeakValueDictionary()  # those of this process, by the resolved names of their actions
+# Those of this process, by the resolved names of their actions.
+_servers: weakref.WeakValueDictionary = weakref.WeakValueDictionary()
 
 
 class SimpleActionServer(actionlib.SimpleActionServer):
@@ -35,7 +41,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     ours. Names of its own begin with two underscores, so that a subclass may have any other.
     """
 
-    def __init__(self, name, ActionSpec, execute_cb=None, auto_start=True):
+    def __init__(self, name: str, ActionSpec: type, execute_cb: Optional[Callable[[Any], Any]] = None,
+                 auto_start: bool = True) -> None:
         """Arguments as for actionlib.SimpleActionServer. Raises rospy.ROSInitException, as start() does."""
         need("actionlib", actionlib.SimpleActionServer, "executeLoop", "internal_goal_callback",
              "internal_preempt_callback", "__del__")
@@ -43,13 +50,15 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         need("actionlib", self, "lock", "execute_callback", "execute_thread", "execute_condition", "action_server",
              "current_goal", "next_goal", "new_goal", "preempt_callback", "need_to_terminate")
         self.__shutting_down = self.__closed = False
-        self.__taken_over, self.__taken_by = 0, None  # goals in whose midst a newer one was accepted, by which thread
-        self.__fed_back = 0  # time.monotonic() of the last feedback
+        self.__taken_over = 0  # goals in whose midst a newer one was accepted
+        self.__taken_by: Optional[int] = None  # the thread that did it last
+        self.__fed_back = 0.0  # time.monotonic() of the last feedback
         self.__name = rospy.resolve_name(name)
         self.action_server = _ActionServer(
             name, ActionSpec, self.internal_goal_callback, self.internal_preempt_callback, auto_start=False)
+        self.__execute_cb = execute_cb
         if execute_cb:
-            self.__execute_cb, self.execute_callback = execute_cb, self.__execute
+            self.execute_callback = self.__execute
             self.execute_condition = _GoalCondition(self)
         if auto_start:
             self.start()
@@ -59,13 +68,13 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         if getattr(self, "execute_thread", None):
             super().__del__()
 
-    def start(self):
+    def start(self) -> None:
         """Serve goals from now on. Raises rospy.ROSInitException with what prevents it."""
         try:
             rate.Rate(1, bool)  # a rospy that lacks what we need fails now, not in the middle of a goal
             peers.serve_all_peers()
             super().start()
-            if self.execute_callback:
+            if self.__execute_cb:
                 self.execute_thread = threading.Thread(target=self.executeLoop)
                 self.execute_thread.start()
         except Exception as error:
@@ -73,7 +82,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         shutdown.at_end(self.__shut_down)
         threading.Thread(target=self.__look_for_twins, daemon=True).start()
 
-    def rate(self, hz):
+    def rate(self, hz: float) -> rate.Rate:
         """Returns a rospy.Rate of hz (1/s) on the ROS clock for the goal that runs. Its sleep() returns True at the end
         of the period, and False at once when the goal is asked to stop."""
         seen = self.__taken_over
@@ -86,11 +95,11 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
         return rate.Rate(hz, stop_requested)
 
-    def is_preempt_requested(self):
+    def is_preempt_requested(self) -> bool:
         """Returns whether the goal should stop: for a cancel, a newer goal and, unlike with actionlib, a shutdown."""
         return self.__shutting_down or super().is_preempt_requested()
 
-    def accept_new_goal(self):
+    def accept_new_goal(self) -> Optional[genpy.Message]:
         """Take up the goal that waits; every client sees it ACTIVE before its feedback. Returns the goal, or None."""
         with self.action_server.lock, self.lock:
             if self.is_active():
@@ -100,15 +109,15 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             self.__log(lambda: "%s: goal accepted%s" % (self.__name, _plain_fields(goal)))
         return goal
 
-    def set_succeeded(self, result=None, text=""):
+    def set_succeeded(self, result: Optional[genpy.Message] = None, text: str = "") -> None:
         """End the goal: it is done. What cannot be sent ends it ABORTED instead, with the reason."""
         self.__end(super().set_succeeded, result, text or "all done")
 
-    def set_aborted(self, result=None, text=""):
+    def set_aborted(self, result: Optional[genpy.Message] = None, text: str = "") -> None:
         """End the goal: the server could not do it, and text says why."""
         self.__end(super().set_aborted, result, text or "the server gave up")
 
-    def set_preempted(self, result=None, text=""):
+    def set_preempted(self, result: Optional[genpy.Message] = None, text: str = "") -> None:
         """End the goal because it was asked to stop. On shutdown it ends ABORTED: no client has asked for that."""
         if self.__shutting_down:
             self.__end(super().set_aborted, result, SHUTTING_DOWN)
@@ -117,7 +126,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 "cancelled" if self.is_preempt_requested() else "the server stopped it unasked"
             self.__end(super().set_preempted, result, text or why)
 
-    def publish_feedback(self, feedback):
+    def publish_feedback(self, feedback: genpy.Message) -> None:
         """Send feedback for the goal; after the node's end, nothing."""
         log.catch_up()  # on a terminal that both share, "goal accepted" stands above the client's first line
         with self.action_server.lock:
@@ -125,7 +134,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 super().publish_feedback(feedback)
                 self.__fed_back = time.monotonic()
 
-    def internal_goal_callback(self, goal):
+    def internal_goal_callback(self, goal: actionlib.ServerGoalHandle) -> None:
         """For the library: a goal (ServerGoalHandle) has come."""
         if self.__shutting_down:
             goal.set_canceled(None, SHUTTING_DOWN)
@@ -140,7 +149,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         if busy:
             rate.wake()
 
-    def internal_preempt_callback(self, preempt):
+    def internal_preempt_callback(self, preempt: actionlib.ServerGoalHandle) -> None:
         """For the library: a cancel has come."""
         super().internal_preempt_callback(preempt)
         rate.wake()

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """How a node ends: within 2 s of being told to, whatever its callbacks, its main thread, its master and terminal do.
 
 Who may take how long, from the moment that a signal or `rosnode kill` tells the node to end:
@@ -35,8 +36,8 @@ LOG_WITHIN = 0.3  # s for itself
 
 _END, _END_IN_TIME = 250, 251  # beside the numbers of signals, what Closer can be told
 
-unfinished = weakref.WeakSet()  # while there is any, a node that is killed has exit status 1, not 0
-_endings = []  # weakref.WeakMethod
+unfinished: weakref.WeakSet = weakref.WeakSet()  # while there is any, a node that is killed has exit status 1, not 0
+_endings: list = []  # weakref.WeakMethod
 
 
 def at_end(end_goals):

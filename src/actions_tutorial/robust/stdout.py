@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Standard output of print: each line is there at once, and a node whose lines nobody can read ends."""
 import io
 import os
