@@ -369,25 +369,17 @@ finally:
                 (master.start("/usr/bin/python3", "-m", "pytest", "-p", "no:cacheprovider", suite), 1)):
             self.assertEqual(status, node.wait(), node)
 
-    def test_ctrl_c_at_python_s_prompt_ends_the_node_and_not_the_prompt(self, master):
-        env = dict(os.environ, PYTHON_BASIC_REPL="1", **master.env)
-        with contextlib.closing(pexpect.spawn("/usr/bin/python3", env=env)) as prompt:
-            prompt.sendline("import rospy, time; from actions_tutorial import robust; robust.init_node('guest')")
-            prompt.sendline("'re' + 'ady'")
-            prompt.expect("ready")
-            prompt.sendintr()
-            prompt.sendline("time.sleep(3); 'down: %s' % rospy.is_shutdown()")
-            prompt.expect("down: True")
-
-    def test_ctrl_c_in_a_program_that_a_prompt_follows_does_not_end_that(self, master):
-        env = dict(os.environ, PYTHON_BASIC_REPL="1", **master.env)
-        code = "from actions_tutorial import robust\nrobust.init_node('guest')\n" \
-               "import rospy, time\nprint('re' + 'ady')\nrospy.spin()"
-        with contextlib.closing(pexpect.spawn("/usr/bin/python3", ["-i", "-c", code], env=env)) as prompt:
-            prompt.expect("ready")
-            prompt.sendintr()
-            prompt.sendline("time.sleep(3); 'down: %s' % rospy.is_shutdown()")
-            prompt.expect("down: True")
+    def test_ctrl_c_at_python_s_prompt_and_before_it_ends_the_node_and_not_the_prompt(self, master):
+        code = "import rospy, time; from actions_tutorial import robust; robust.init_node('guest'); print('re' + 'ady')"
+        env = dict(os.environ, HOME=master.home, PYTHON_BASIC_REPL="1", **master.env)  # a prompt writes its history
+        for arguments, typed in ([], [code]), (["-i", "-c", code + "; rospy.spin()"], []):
+            with contextlib.closing(pexpect.spawn("/usr/bin/python3", arguments, env=env)) as prompt:
+                for line in typed:
+                    prompt.sendline(line)
+                prompt.expect("ready")
+                prompt.sendintr()
+                prompt.sendline("time.sleep(3); 'down: %s' % rospy.is_shutdown()")
+                prompt.expect("down: True")
 
     def test_excepthook_of_the_program_stays(self, master):
         node = program(master, "sys.excepthook = hook = lambda kind, *_: print('mine:', kind.__name__)\n"
