@@ -74,7 +74,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         self.__heartbeat_timeout = heartbeat_timeout
         self.__why_not_sent = "no goal was sent"
         self.__is_connected = node.asking(self.__ask_server)
-        self.__registered = 0.0  # time.monotonic()
+        self.__registered = time.monotonic()
         self.__watcher: Optional[threading.Thread] = None
         self.__shutting_down = False
         # Without it, two clients of one name give the same id while simulated time stands still: the server ignores the
@@ -116,8 +116,6 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     def __register_again(self, publishers: tuple) -> None:
         """Have the master tell the server of us once more. Without it, a server without robust that has dropped our
         connections does not make them again (see peers.py, _OneAtATime)."""
-        if not self.__registered:
-            self.__registered = time.monotonic()
         if time.monotonic() - self.__registered >= 3:
             self.__registered = time.monotonic()
             for publisher in publishers:
@@ -166,17 +164,16 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         Returns True when the result is there and done_cb has run, even if that failed or sent the next goal. False
         after timeout, on shutdown, without a goal, and when the server is lost; get_failure() says which.
         """
-        goal, timeout, end = self.__goal(), _duration(timeout), None
+        goal, seconds, begun = self.__goal(), _duration(timeout).to_sec(), 0.0
         if not goal:
             return super().wait_for_result(timeout)  # which logs an error
         with self.done_condition:
             while not goal.is_over and not rospy.is_shutdown():
-                now = rospy.get_rostime()
-                if end is None and not now.is_zero():
-                    end = now + timeout
-                if timeout and (timeout < rospy.Duration() or end is not None and now >= end):
+                now = rospy.get_time()
+                begun = begun or now  # 0 as long as a simulated clock has not begun
+                if seconds and now - begun >= seconds:
                     break
-                self.done_condition.wait(min(0.1, (end - now).to_sec()) if timeout and end is not None else 0.1)
+                self.done_condition.wait(min(0.1, begun + seconds - now) if seconds else 0.1)
                 if goal.simple_state != SimpleGoalState.DONE and self.__goal() is not goal:
                     goal = self.__goal()  # another thread has sent it
                     if not goal:
