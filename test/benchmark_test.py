@@ -41,6 +41,7 @@ class TestBenchmark(unittest.TestCase):
             run = Process([BENCHMARK, "--quick", "--server", server, "--json", figures])
             self.addCleanup(run.stop)
             self.assertEqual(1, run.wait(200), run)
+            self.assertIn("| figure", run.stdout, run)
             with open(figures) as file:
                 rows = {row["key"]: row for row in json.load(file)["figures"]}
         self.assertEqual(sorted(FIGURES), sorted(rows))

@@ -109,6 +109,11 @@ if not child:
     speak()
     sys.exit(3)
 report(os.waitpid(child, 0)[1] >> 8)
+child = ctypes.PyDLL(None).fork()  # Python's hooks do not hear of it, as in a child of subprocess before its exec
+if not child:
+    signal.raise_signal(signal.SIGTERM)
+    os._exit(4)
+report(os.waitpid(child, 0)[1] >> 8)
 for context, target, terminated in (fork, speak, False), (fork, work, True), (spawn, time.sleep, True):
     child = context.Process(target=target, args=[60] if context is spawn else [])
     child.start()
@@ -330,7 +335,7 @@ print("x" * 200000)
 
     def test_children_that_end_leave_node_goals_and_topics_and_are_heard(self, master):
         node, kept = program(master, PARENT), "up ACTIVE True"
-        self.says(node, "child prints", "3 " + kept, "child prints", "0 " + kept, "child prints", "-15 " + kept,
+        self.says(node, "child prints", "3 " + kept, "4 " + kept, "child prints", "0 " + kept, "child prints", "-15 " + kept,
                   "-15 " + kept, "SUCCEEDED")
         self.assertEqual(3, node.stderr.count("[WARN] child logs\n"), node)
         written, = glob.glob(os.path.join(master.env["ROS_LOG_DIR"], "*parent*.log"))

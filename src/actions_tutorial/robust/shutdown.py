@@ -17,6 +17,7 @@ import contextlib
 import os
 import signal
 import socket
+import struct
 import sys
 import threading
 import time
@@ -88,6 +89,7 @@ class Closer(threading.Thread):
         super().__init__(daemon=True)
         need("rospy", rospy.core, "_xmlrpc_cache", "add_shutdown_hook", "_ros_atexit")
         self._ears, self._mouth = socket.socketpair()
+        self._ears.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)  # so that run() sees who speaks
         self._mouth.setblocking(False)
         self._before = {}  # signal handlers by number
         self._fd_before = self._file_before = None  # the wake-up descriptor, and what it stands for
@@ -133,13 +135,15 @@ class Closer(threading.Thread):
         while True:
             self._ears.settimeout(self._deadline and max(0.01, self._deadline - time.monotonic()))
             try:
-                told = self._ears.recv(100)
+                told, ((_, _, sender), *_), *_ = self._ears.recvmsg(100, socket.CMSG_SPACE(12))
             except socket.timeout:
                 if self._deadline:
                     os._exit(1 if unfinished else 0)
                 continue
             if not told:
                 return
+            if struct.unpack("i", sender[:4])[0] != os.getpid():
+                continue  # a child that got a signal before its exec: subprocess, before Python 3.10
             if self._file_before and _file(self._fd_before) == self._file_before:
                 with contextlib.suppress(OSError):  # whoever was there before hears of all signals
                     os.write(self._fd_before, bytes(number for number in told if number < _END))
