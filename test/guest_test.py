@@ -335,8 +335,8 @@ print("x" * 200000)
 
     def test_children_that_end_leave_node_goals_and_topics_and_are_heard(self, master):
         node, kept = program(master, PARENT), "up ACTIVE True"
-        self.says(node, "child prints", "3 " + kept, "4 " + kept, "child prints", "0 " + kept, "child prints", "-15 " + kept,
-                  "-15 " + kept, "SUCCEEDED")
+        self.says(node, "child prints", "3 " + kept, "4 " + kept, "child prints", "0 " + kept, "child prints",
+                  "-15 " + kept, "-15 " + kept, "SUCCEEDED")
         self.assertEqual(3, node.stderr.count("[WARN] child logs\n"), node)
         written, = glob.glob(os.path.join(master.env["ROS_LOG_DIR"], "*parent*.log"))
         with open(written) as file:
@@ -461,6 +461,11 @@ rospy.signal_shutdown("done")
             self.says(program(master, "%s\ntry:\n    print(%s, state())\nexcept rospy.ROSException as error:\n"
                               "    print(type(error).__name__)" % (first, second)), outcome)
 
+    def test_parameter_of_the_command_line_is_not_said_to_be_from_the_server(self, master):
+        node = program(master, "sys.argv.append('_n:=abc')\nrobust.init_node('guest')\nrobust.get_param('~n', 7)")
+        self.assertEqual(1, node.wait(), node)
+        self.assertEqual("ValueError: ~n is 'abc', must be a whole number", node.stderr.splitlines()[-1])
+
     def test_name_that_is_none_is_a_value_error_at_once_in_rospy_s_words(self, master):
         master.kill()
         node = program(master, """
@@ -509,6 +514,26 @@ threading.Event().wait()
             node.expect("ready")
             self.assertNotIn("False", node.stdout, node)
             self.ends(node, status, lambda _: node.signal(signal.SIGTERM))
+
+    def test_threads_are_as_many_as_the_reference_says(self, master):
+        node = program(master, """
+def count():  # those that stay
+    print(min(threading.active_count() for _ in range(20) if not time.sleep(0.05)))
+
+robust.init_node("guest", log_level=rospy.WARN)
+count()
+servers = [robust.SimpleActionServer(name, TestAction, lambda goal: so(rospy.is_shutdown), True) for name in ("a", "b")]
+count()
+client = robust.SimpleActionClient("a", TestAction)
+client.wait_for_server()
+count()
+client.send_goal(TestGoal())
+count()
+rospy.signal_shutdown("done")
+""")
+        self.assertEqual(0, node.wait(), node)
+        node, servers, client, goal = map(int, node.stdout.split())
+        self.assertLessEqual([node, servers - node, goal - client], [8, 2 * 2, 1])
 
     def test_start_that_fails_is_caught_as_a_ros_init_exception_and_nothing_else_is_said(self, master):
         node = program(master, "try:\n    robust.init_node('guest')\nexcept rospy.ROSInitException as error:\n"
