@@ -52,7 +52,7 @@ class TestBenchmark(unittest.TestCase):
                 self.assertIn("simulated time", row["why"], name)
                 continue
             self.assertIsNone(row["why"], run)
-            for kind in ("ours",) + ("polling",) * ("clients" not in name) + ("floor",) * (name in WITH_FLOOR):
+            for kind in ("ours",) + ("plain",) * ("clients" not in name) + ("floor",) * (name in WITH_FLOOR):
                 self.assertIsInstance(row[kind], float, "%s, %s" % (name, kind))
         for name in "cancel_result_median", "newer_active_median", "cancel_result_clients_3":
             self.assertGreaterEqual(rows[name]["ours"], 1e3 * SLEEP, "ms, %s of a server that sleeps" % name)

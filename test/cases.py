@@ -21,9 +21,9 @@ class Scene(Probe, Group):
         Probe.__init__(self, namespace)
         Group.__init__(self, ROS_NAMESPACE=namespace)
 
-    def server(self, *arguments, **options):
+    def server(self, script="action_server.py", **options):
         """Start a server, and wait until messages go both ways. -> Process"""
-        server = self.node("action_server.py", *arguments, **options)
+        server = self.node(script, **options)
         self.wait_connected(server)
         return server
 
@@ -47,6 +47,8 @@ class Scene(Probe, Group):
 class ServerCase(unittest.TestCase):
     """Each test finds a server with nothing to do, one second after whatever was before, on a clock in its hand."""
 
+    script = "action_server.py"
+
     @classmethod
     def setUpClass(cls):
         rospy.init_node("server_case", disable_signals=True)
@@ -57,7 +59,7 @@ class ServerCase(unittest.TestCase):
     def start_server(cls):
         cls.probe = Scene("")
         cls.addClassCleanup(cls.probe.stop)
-        cls.probe.server()
+        cls.probe.server(cls.script)
         cls.clock.lead(cls.probe)
 
     def setUp(self):

@@ -23,18 +23,19 @@ from action_probe import ACTIVE, Probe  # noqa: E402
 from processes import PACKAGE, eventually  # noqa: E402
 from simulated_clock import SimulatedClock  # noqa: E402
 
-SERVERS = {"ours": os.path.join(PACKAGE, "scripts", "action_server.py"),
-           "polling": os.path.join(HERE, "polling_server.py"), "floor": os.path.join(HERE, "floor.py")}
+SCRIPTS = os.path.join(PACKAGE, "scripts")
+SERVERS = {"ours": os.path.join(SCRIPTS, "action_server.py"), "plain": os.path.join(SCRIPTS, "plain_action_server.py"),
+           "floor": os.path.join(HERE, "floor.py")}
 # instances: servers that take samples side by side; a sample is mostly waiting. Then: samples of each of them for a
 # figure, the least seconds for a goal, a newer one and its cancel, starts, bowls to time, sizes under simulated time,
 # clients connected and their samples, goals in a row, and ended goals that may still be listed when something is
 # measured.
-FULL = {"instances": {"ours": 5, "polling": 5, "floor": 1},
-        "samples": {"ours": 31, "polling": 31, "floor": 200}, "cycle": 2.5,
+FULL = {"instances": {"ours": 5, "plain": 5, "floor": 1},
+        "samples": {"ours": 31, "plain": 31, "floor": 200}, "cycle": 2.5,
         "starts": 7, "bowls": 60, "sizes": (100, 1000, 10000),
         "clients": (1, 10, 50, 200), "client_samples": {"ours": 36, "floor": 72}, "burst": 112, "listed": 2}
-QUICK = {"instances": {"ours": 2, "polling": 2, "floor": 1},
-         "samples": {"ours": 3, "polling": 2, "floor": 12}, "cycle": 0,
+QUICK = {"instances": {"ours": 2, "plain": 2, "floor": 1},
+         "samples": {"ours": 3, "plain": 2, "floor": 12}, "cycle": 0,
          "starts": 1, "bowls": 3, "sizes": (5, 10, 20),
          "clients": (1, 2, 3, 4), "client_samples": {"ours": 4, "floor": 8}, "burst": 10, "listed": 30}
 TIMELINE = (2.3, 4.6)  # s of a newer goal and of its cancel in the picture
@@ -137,7 +138,7 @@ class Benchmark:
 
     def measure_starts(self):
         for turn in range(self.plan["starts"]):
-            for kind in ("ours", "polling") if turn % 2 else ("polling", "ours"):
+            for kind in ("ours", "plain") if turn % 2 else ("plain", "ours"):
                 self.stage = "start, %d of %d" % (turn + 1, self.plan["starts"])
                 rosrun = ["rosrun", "actions_tutorial", os.path.basename(SERVERS[kind])]
                 peer = self.start(kind, "start_%d" % turn, None if self.server else rosrun)
@@ -150,7 +151,7 @@ class Benchmark:
     def quiet(self):
         gc.freeze()  # to look through all messages, which are kept, for garbage takes up to 0.2 s, in a sample's midst
         self.stage = "waiting until the ended goals are forgotten"
-        for peer in self.peers["ours"] + self.peers["polling"]:
+        for peer in self.peers["ours"] + self.peers["plain"]:
             # Those that have ended make each publication slower, until the library forgets them after 5 s.
             peer.wait(lambda: len(peer.status.status_list) <= self.plan["listed"], "short status message")
 
@@ -229,8 +230,8 @@ class Benchmark:
             self.add(figure, kind, peer.since(sent, goal_id, "result"))
 
     def turn_of(self, kind):
-        """A polling server may take a second, for which nobody else is held up."""
-        return contextlib.nullcontext() if kind == "polling" else self.turn
+        """The plain server may take a second, for which nobody else is held up."""
+        return contextlib.nullcontext() if kind == "plain" else self.turn
 
     def cancels(self, kind, peer, count, figure):
         for phase in self.phases(count):
@@ -244,8 +245,8 @@ class Benchmark:
             yield
 
     def measure_with_clients(self, step):
-        """More clients connect to our first server; they only listen, as idle clients do. Not to a polling one: of many
-        that start at once, rospy may leave some unconnected for good (robust/peers.py, _OneAtATime)."""
+        """More clients connect to our first server; they only listen, as idle clients do. Not to a plain one: of many
+        that start at once, rospy may leave some unconnected for good (robust/peers.py, _connect_once)."""
         clients = self.plan["clients"][step]
         more, self.connected = clients - self.connected, clients
         if more:
@@ -263,7 +264,7 @@ class Benchmark:
         dict of sent, active, stop (asked for), ended, all s since the first was sent, and bowls [(name, s)]."""
         self.quiet()
         newer, cancel = TIMELINE
-        peers = {kind: self.peers[kind][0] for kind in ("polling", "ours")}
+        peers = {kind: self.peers[kind][0] for kind in ("plain", "ours")}
         begun = time.monotonic()
         ids = {kind: [peer.send(1000)] for kind, peer in peers.items()}
         time.sleep(begun + newer - time.monotonic())
@@ -283,10 +284,10 @@ class Benchmark:
         """The last server of each kind washes, the first one idles beside it."""
         self.quiet()
         bowls, before = self.plan["bowls"], {}
-        for kind in ("ours", "polling"):
+        for kind in ("ours", "plain"):
             idle, busy = self.peers[kind][0], self.peers[kind][-1]
             before[kind] = busy.send(bowls), time.monotonic(), idle.cpu()
-        for kind in ("ours", "polling"):
+        for kind in ("ours", "plain"):
             idle, busy = self.peers[kind][0], self.peers[kind][-1]
             goal_id, wall, cpu = before[kind]
             for i in range(bowls + 1):
@@ -304,14 +305,14 @@ class Benchmark:
         self.stage = "starting the servers of the simulated time"
         clock = SimulatedClock()
         rospy.set_param("/use_sim_time", True)  # asked for when a node starts, and then no more
-        peers = {kind: self.start(kind, "simulated") for kind in ("ours", "polling")}
+        peers = {kind: self.start(kind, "simulated") for kind in ("ours", "plain")}
         for peer in peers.values():
             peer.wait_connected(peer.process)
             peer.on_bowl = lambda: clock.turn(1)
         rospy.delete_param("/use_sim_time")
         small, middle, large = self.plan["sizes"]
         for turn, size in enumerate([small] * 4 + [large, middle] + [small] * 4 + [middle, large] + [small] * 4):
-            for kind in ("ours", "polling") if turn % 2 else ("polling", "ours"):
+            for kind in ("ours", "plain") if turn % 2 else ("plain", "ours"):
                 self.stage = "simulated time: %d bowls, %s" % (size, kind)
                 peer, before = peers[kind], peers[kind].cpu()
                 self.turn_until_ended(clock, peer, peer.send(size), 30 + size / 50)

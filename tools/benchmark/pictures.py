@@ -26,7 +26,7 @@ def plot(samples, server, path):
         for kind, name, colour, label in (
                 ("floor", "ping", "tab:gray", "bare ROS: a message\nand its answer"),
                 ("ours", "cancel", "tab:blue", server + ",\nwoken by the cancel"),
-                ("polling", "cancel", "tab:orange", "a server that looks for\na cancel once a second")):
+                ("plain", "cancel", "tab:orange", "a server that looks for\na cancel once a second")):
             times = sorted(1e3 * value for value in samples[name, kind])
             share = [100 * (i + 1) / len(times) for i in range(len(times))]
             axes.plot([times[0]] + times, [0] + share, drawstyle="steps-post", color=colour, linewidth=2,

@@ -24,7 +24,7 @@ def pauses(values):
 
 
 def figures(samples, plan, failures):
-    """Returns the rows of the table: dicts of key, label, unit, ours, polling, floor, n, why (it has no values: what
+    """Returns the rows of the table: dicts of key, label, unit, ours, plain, floor, n, why (it has no values: what
     failures has for its figure), ratio, ratio_to, goal, at_least, met.
     """
     small, middle, large = plan["sizes"]
@@ -34,7 +34,7 @@ def figures(samples, plan, failures):
     def row(key, label, unit, statistic, figure, scale=1.0, floor=None, ratio_to=None, goal=None, at_least=False):
         """goal: the highest ratio, or with at_least the lowest one, to ratio_to (a kind of server) where there is one,
         else the highest value of ours."""
-        values = {"ours": samples.get((figure, "ours")), "polling": samples.get((figure, "polling")),
+        values = {"ours": samples.get((figure, "ours")), "plain": samples.get((figure, "plain")),
                   "floor": samples.get((floor, "floor"))}
         value = {kind: statistic(numbers) * scale if numbers else None for kind, numbers in values.items()}
         rows.append(dict(value, key=key, label=label, unit=unit, ratio_to=ratio_to, goal=goal, at_least=at_least,
@@ -57,16 +57,15 @@ def figures(samples, plan, failures):
         row(key + "_p99", label + ", p99", "ms", p99, figure, 1e3, "ping", goal=slowest)
     row("bowl_error_p99", "error of a bowl's second, p99", "ms", p99, "bowl", 1e3, goal=2)
     row("drift", "drift over %d bowls" % plan["bowls"], "ms", median, "drift", 1e3, goal=2)
-    row("idle_cpu", "idle, CPU", "%", median, "idle", ratio_to="polling", goal=1.05)
-    row("memory", "idle, resident memory", "MiB", median, "memory", ratio_to="polling", goal=1.05)
+    row("idle_cpu", "idle, CPU", "%", median, "idle", ratio_to="plain", goal=1.05)
+    row("memory", "idle, resident memory", "MiB", median, "memory", ratio_to="plain", goal=1.05)
     for key, size in ("small", small), ("middle", middle), ("large", large):
         row("cpu_bowl_" + key, "CPU a bowl, simulated time, n = %d" % size, "ms", median, "sim %d" % size, 1e3)
     rows[-1].update(ratio_to="n = %d" % small, goal=1)
     judge(rows[-1], rows[-1]["ours"], rows[-3]["ours"])
-    row("goals_a_second", "goals of no bowls in a row", "1/s", rate, "burst", floor="burst", ratio_to="polling", goal=6,
+    row("goals_a_second", "goals of no bowls in a row", "1/s", rate, "burst", floor="burst", ratio_to="plain", goal=6,
         at_least=True)
     row("goals_paused", "… of them held up by actionlib for 100 ms", "%", pauses, "burst", floor="burst", goal=0)
-    # No ratio: rosrun looks twice for a node that has a devel-space relay, as ours has.
     row("start", "rosrun → first goal ACTIVE", "s", median, "start")
     for step, clients in enumerate(plan["clients"]):
         row("cancel_result_clients_%d" % step, "cancel → result, %d client%s" % (clients, "s" * (clients > 1)), "ms",
@@ -85,10 +84,10 @@ def table(rows):
         return "%s %g %s" % ("≤≥"[row["at_least"]], row["goal"],
                              "× " + row["ratio_to"] if row["ratio_to"] else row["unit"])
 
-    lines = [["figure", "unit", "ours", "polling", "floor", "ratio", "goal", "met"]]
+    lines = [["figure", "unit", "ours", "plain", "floor", "ratio", "goal", "met"]]
     for row in rows:
         ratio = "" if row["ratio"] is None else "%.2f × %s" % (row["ratio"], row["ratio_to"])
-        lines.append([row["label"], row["unit"], number(row["ours"]), number(row["polling"]), number(row["floor"]),
+        lines.append([row["label"], row["unit"], number(row["ours"]), number(row["plain"]), number(row["floor"]),
                       ratio, goal(row), row["why"] or {None: "", True: "yes", False: "no"}[row["met"]]])
     widths = [max(len(line[i]) for line in lines) for i in range(len(lines[0]))]
     lines.insert(1, ["-" * width for width in widths])
@@ -114,7 +113,7 @@ def report(benchmark, seconds, args):
     if args.plot and not {"cancel"} & set(benchmark.failures):
         pictures.plot(samples, server, args.plot)
     if args.timeline and benchmark.timeline:
-        pictures.timeline([("A server that looks for a cancel once a second", benchmark.timeline["polling"]),
+        pictures.timeline([("A server that looks for a cancel once a second", benchmark.timeline["plain"]),
                            (server + ", woken by newer goal and cancel", benchmark.timeline["ours"])],
                           list(zip(TIMELINE, ("a newer goal is sent", "it is cancelled"))), args.timeline)
     print(table(rows))

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Measures scripts/action_server.py beside a server that polls and beside bare ROS, in one run on one master."""
+"""Measures scripts/action_server.py beside the plain server and beside bare ROS, in one run on one master."""
 import argparse
 import importlib.util
 import os
@@ -28,7 +28,7 @@ def tell_progress(benchmark, begun):
 
 
 def arguments():
-    parser = argparse.ArgumentParser(prog="benchmark", description="Measures the action server beside one that polls.")
+    parser = argparse.ArgumentParser(prog="benchmark", description="Measures the action server beside the plain one.")
     parser.add_argument("--json", metavar="FILE", help="write figures and samples")
     parser.add_argument("--plot", metavar="FILE.svg", help="draw cancel → result (needs python3-matplotlib)")
     parser.add_argument("--timeline", metavar="FILE.svg", help="draw a newer goal and a cancel (needs matplotlib, too)")

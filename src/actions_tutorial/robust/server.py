@@ -81,6 +81,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             raise cannot_start("the action server %s cannot start: %s" % (self.__name, error)) from error
         shutdown.at_end(self.__shut_down)
         threading.Thread(target=self.__look_for_twins, daemon=True).start()
+        self.__log(lambda: "%s waits for goals" % self.__name)
 
     def rate(self, hz: float) -> rate.Rate:
         """Returns a rospy.Rate of hz (1/s) on the ROS clock for the goal that runs. Its sleep() returns True at the end
