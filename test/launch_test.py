@@ -27,11 +27,18 @@ class TestLaunch(unittest.TestCase):
         launch = self.launch("number_of_minutes:=2")
         check_client(launch, 0, 2)
         eventually(lambda: not self.nodes(), "no node left")
+        self.assertFalse(self.master.api.hasParam("/action_client"), "a parameter for the client's next run")
+
+    def test_wrong_parameter_is_the_launchs_and_not_one_of_an_earlier_run(self):
+        launch = self.launch("number_of_minutes:=x")
+        self.assertIn("number_of_minutes is 'x', must be a whole number", launch.expect("must be").string)
+        self.assertIn("this one is from the launch", launch.stderr)
+        launch.wait()
 
     def test_seven_minutes_unless_told_otherwise(self):
         launch = self.launch()
         launch.expect("bowl-0")
-        self.assertEqual(7, self.master.api.getParam("/action_client/number_of_minutes"))
+        self.assertEqual(7, self.master.api.getParam("/launched_client/number_of_minutes"))
         launch.signal(signal.SIGINT)
         launch.wait()
 

@@ -47,19 +47,26 @@ to_the_end() {
     "$@"
 }
 
-# logged LOG COMMAND…: the command's output goes to a log, and every five seconds we say how far it is.
+# logged LOG COMMAND…: the command's output goes to a log, and every five seconds we say how far it is, with the last
+# line that tells a reader something.
 logged() { "${@:2}" 2>&1 | to_the_end progress > "$1"; }
 
 progress() {
-    local line='' last='' next=$((SECONDS + 5))
-    while IFS= read -r -t 1 line || (($? > 128)); do # above 128: nothing came within a second
-        if [[ $line ]]; then
+    local part line='' last='' status=0 begun=$SECONDS next=$((SECONDS + 5))
+    local telling='^(Get:[0-9]+ |Unpacking |Setting up |\[ *[0-9]+%\] (Generating|Building) )'
+    while ((status == 0 || status > 128)); do # above 128: no whole line came within a second
+        IFS= read -r -t 1 part
+        status=$?
+        line+=$part
+        if ((status == 0)); then
             printf '%s\n' "$line"
-            last=$line
+            [[ ! $line =~ $telling ]] || last=": ${line:0:90}"
+            line=''
         fi
         if ((SECONDS >= next)); then
-            say "    ${last:0:100}"
+            say "    $((SECONDS - begun)) s$last"
             next=$((SECONDS + 5))
         fi
     done
+    printf '%s' "$line"
 }

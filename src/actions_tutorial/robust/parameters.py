@@ -43,7 +43,9 @@ def get_param(param_name: str, default: Any = _UNSPECIFIED, *, lowest: Optional[
     for word, limit in (("from", lowest), ("to", highest)):
         if limit is not None:
             must_be += " %s %s" % (word, limit if kind is int else "%g" % limit)
-    if started and param_name not in given:  # ROS keeps the parameters of earlier runs
+    if any(argument.startswith("__log:=") for argument in sys.argv):  # which only roslaunch gives
+        must_be += "; this one is from the launch"
+    elif started and param_name not in given:  # ROS keeps the parameters of earlier runs
         must_be += "; this one is from the parameter server; `rosparam delete %s`" % (
             rospy.get_name() if param_name.startswith("~") else rospy.resolve_name(param_name))
     raise ValueError("%s is %r, must be %s" % (param_name, value, must_be))
