@@ -72,7 +72,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         need("rospy", self.action_client.pub_goal, "impl")
         need("rospy", self.action_client.pub_goal.impl, "has_connection", "buff")
         self.__heartbeat_timeout = heartbeat_timeout
-        self.__why_not_sent = "no goal was sent"
+        self.__why_not_sent = ""
         self.__is_connected = node.asking(self.__ask_server)
         self.__registered = time.monotonic()
         self.__watcher: Optional[threading.Thread] = None
@@ -92,9 +92,11 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         what = "action " + rospy.resolve_name(self.action_client.ns)
         seconds = _duration(timeout).to_sec()
         connected = node.wait_for(what, lambda: self.action_client.last_status_msg and self.__is_connected(), seconds)
-        self.__why_not_sent = "no goal was sent" if connected else \
-            "interrupted while waiting for the %s" % what if rospy.is_shutdown() else \
-            "no %s within %g s" % (what, seconds)
+        goal = self.__goal()
+        if not goal or goal.simple_state == SimpleGoalState.DONE:  # else it is the goal of which there is news
+            self.__why_not_sent = "" if connected else \
+                "interrupted while waiting for the %s" % what if rospy.is_shutdown() else \
+                "no %s within %g s" % (what, seconds)
         return connected
 
     def __ask_server(self) -> bool:
@@ -137,13 +139,16 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                 machine = self.gh.comm_state_machine
                 machine.__class__ = _Goal
                 machine.begin(done_cb, active_cb, feedback_cb)
-            except (rospy.ROSSerializationException, genpy.SerializationError) as error:
+            except Exception as error:  # SerializationError of its fields, AttributeError of a message of another kind
                 # Without it, what is written of it stays in rospy's buffer, and spoils the next goal.
                 clear(self.action_client.pub_goal)
                 self.stop_tracking_goal()
                 self.simple_state = SimpleGoalState.DONE
                 self.__why_not_sent = "the goal cannot be sent: %s" % error
-                raise rospy.ROSSerializationException(str(error)) from error
+                if isinstance(error, genpy.SerializationError):
+                    raise rospy.ROSSerializationException(str(error)) from error
+                raise
+            self.__why_not_sent = ""
             shutdown.unfinished.add(machine)
             if not self.__watcher:
                 self.__watcher = threading.Thread(target=self.__watch, daemon=True)
@@ -190,21 +195,30 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """Returns the goal's state (actionlib_msgs/GoalStatus): PENDING or ACTIVE until its ending and its result are
         there; LOST without a goal."""
         goal = self.__goal()
+        if not goal:
+            return super().get_state()
         # Without it, the state is SUCCEEDED with the status, and get_result() None still. The simple states have the
         # same numbers.
-        return goal.simple_state if goal and goal.simple_state != SimpleGoalState.DONE else super().get_state()
+        return goal.simple_state if goal.simple_state != SimpleGoalState.DONE else goal.latest_goal_status.status
+
+    def get_result(self) -> Optional[genpy.Message]:
+        """Returns the goal's result, or None as long as there is none."""
+        goal = self.__goal()  # actionlib looks twice for it, and another thread may send the next one in between
+        if not goal:
+            return super().get_result()
+        return goal.latest_result and goal.latest_result.result
 
     def get_goal_status_text(self) -> str:
         """Returns the server's words or, if the server has given the goal no ending, why."""
         goal = self.__goal()
-        return goal and goal.why or super().get_goal_status_text()
+        return goal.why or goal.latest_goal_status.text if goal else super().get_goal_status_text()
 
     def get_failure(self) -> Optional[str]:
         """Returns None if the goal SUCCEEDED, else why not (str): its state and the server's words, or why the server
         has given it no ending, or why none was sent."""
         goal = self.__goal()
-        if not goal:
-            return self.__why_not_sent
+        if not goal or self.__why_not_sent:
+            return self.__why_not_sent or "no goal was sent"
         state = self.get_state()
         if state == GoalStatus.SUCCEEDED:
             return None
@@ -295,6 +309,7 @@ class _Goal(CommStateMachine):
 
     def begin(self, done_cb: Optional[Callable], active_cb: Optional[Callable],
               feedback_cb: Optional[Callable]) -> None:
+        self.send_cancel = self.__dict__.pop("send_cancel_fn")
         self.done_cb, self.active_cb, self.users_feedback_cb = done_cb, active_cb, feedback_cb
         self.simple_state = SimpleGoalState.PENDING
         self.is_over = False  # DONE, and done_cb has run
@@ -321,11 +336,15 @@ class _Goal(CommStateMachine):
         with contextlib.suppress(rospy.ROSException):  # the client was stopped
             self.send_goal_fn(type(self.action_goal)().deserialize(self.sent))
 
+    def send_cancel_fn(self, message: Any) -> None:
+        """In place of the library's, whose handle asks a server to stop what has ended, too."""
+        if self.state != CommState.DONE:
+            self.send_cancel(message)
+
     def cancel(self) -> None:
         """Ask the server to stop it, if it has not ended."""
-        with self.mutex, contextlib.suppress(rospy.ROSException):  # the client was stopped
-            if self.state != CommState.DONE:
-                actionlib.ClientGoalHandle(self).cancel()
+        with contextlib.suppress(rospy.ROSException):  # the client was stopped
+            actionlib.ClientGoalHandle(self).cancel()
 
     def lose(self, why: str) -> None:
         """End it here, and say why."""

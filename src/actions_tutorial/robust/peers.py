@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Peers that connect and stay silent, or many at once: the next peer is served all the same."""
 import errno
-import os
 import socket
 import threading
 import time
@@ -16,6 +15,7 @@ ANSWERS_WITHIN = 2  # s that a publisher may take before others of its address a
 
 
 class _ListeningSocket(socket.socket):
+    __slots__ = ()  # so that rospy's socket can become one
 
     def accept(self):
         """Without it, rospy's thread that accepts connections ends for good when the node's files have run out."""
@@ -66,8 +66,10 @@ def _read_side_by_side():
             peer[0].close()
 
     server.inbound_handler = handle_side_by_side
-    server.server_sock = _ListeningSocket(fileno=os.dup(server.server_sock.fileno()))
-    server.start()  # one more thread: the other is in accept() of its socket, or reads from a silent peer
+    # Not one of our own for the same port: with the time-out of 60 s that rospy makes the default when it connects,
+    # neither would block any more, and rospy's thread, about to accept, would end with a BlockingIOError.
+    server.server_sock.__class__ = _ListeningSocket
+    server.start()  # one more thread: the other is in rospy's accept(), or reads from a silent peer
 
 
 def _connect_once():
