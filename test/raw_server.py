@@ -1,0 +1,107 @@
+"""An action server of bare publishers and subscribers, which sends a client what it is told to, in any order."""
+import itertools
+import os
+import threading
+
+import actionlib
+import rospy
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
+
+from action_probe import NAMES, bowls
+from actions_tutorial import robust
+from actions_tutorial.msg import (
+    WashTheDishesAction, WashTheDishesActionFeedback, WashTheDishesActionGoal, WashTheDishesActionResult,
+    WashTheDishesFeedback, WashTheDishesGoal, WashTheDishesResult)
+from processes import eventually
+
+PLAIN = os.environ.get("ACTIONLIB") == "plain"  # try the same on actionlib itself
+library = actionlib if PLAIN else robust
+PATIENCE = rospy.Duration(30)
+
+
+def client_of(action, kind=WashTheDishesAction, **options):
+    """Returns a client of the library that is tried. It does not fear a slow machine, unless its options say so."""
+    return library.SimpleActionClient(action, kind, **({} if PLAIN else dict({"heartbeat_timeout": 60.0}, **options)))
+
+
+class RawServer:
+    """Serves action (str) to client, one of this process, which is made here.
+
+    What it sends, the client has heard when the call returns: rospy calls the subscribers of a topic in the order in
+    which they were made, and ours came after the client's. With wait=False, for a callback that blocks, it may not.
+    goals: [WashTheDishesActionGoal] that came; cancels: ids of those that came; done: [(state, bowls)], fed: [bowl],
+    active: [True] as the client's callbacks were called, in the order in which send() gave them.
+    """
+
+    def __init__(self, action, **options):
+        self.action, self.goals, self.cancels, self.done, self.fed, self.active = action, [], [], [], [], []
+        self.client = client_of(action, **options)
+        self._news, self._heard, self._numbers, self._sent = threading.Condition(), set(), itertools.count(), []
+        kinds = dict(status=GoalStatusArray, result=WashTheDishesActionResult, feedback=WashTheDishesActionFeedback)
+        self._publishers = {topic: rospy.Publisher("%s/%s" % (action, topic), kind, queue_size=1000,
+                                                   latch=topic == "status") for topic, kind in kinds.items()}
+        self._subscribers = [rospy.Subscriber("%s/%s" % (action, topic), kind, callback) for topic, kind, callback in (
+            *((topic, kind, self._hear) for topic, kind in kinds.items()),
+            ("goal", WashTheDishesActionGoal, lambda one: self._keep(self.goals.append, one)),
+            ("cancel", GoalID, lambda one: self._keep(self.cancels.append, one.id)))]
+        self.status()
+        assert self.client.wait_for_server(PATIENCE), "expected to be found: %s" % self
+
+    def close(self):
+        self.client.stop_tracking_goal()
+        self.client.action_client.stop()
+        for end in [*self._publishers.values(), *self._subscribers]:
+            end.unregister()
+
+    def _keep(self, keep, what):
+        with self._news:
+            keep(what)
+            self._news.notify_all()
+
+    def _hear(self, message):
+        self._keep(self._heard.add, message.header.frame_id)
+
+    def eventually(self, condition, what, timeout=30):
+        return eventually(condition, what, self, timeout=timeout, news=self._news)
+
+    def send(self, minutes=1, **callbacks):
+        """Have the client send a goal, with callbacks that keep what they hear unless given, and wait until it is here.
+        Returns its id (str)."""
+        already = len(self.goals)
+        self.client.send_goal(WashTheDishesGoal(minutes), **dict(dict(
+            done_cb=self.hear_done, active_cb=lambda: self.active.append(True),
+            feedback_cb=lambda one: self.fed.append(one.last_dish_washed)), **callbacks))
+        self.eventually(lambda: len(self.goals) > already, "a goal that comes")
+        return self.goals[-1].goal_id.id
+
+    def hear_done(self, state, result):
+        self._keep(self.done.append, (state, result and result.dishes_washed))
+
+    def status(self, *goals, wait=True):
+        """Send a status that lists goals, each (id, state)."""
+        self._send("status", wait, status_list=[
+            GoalStatus(goal_id=GoalID(id=goal_id), status=state) for goal_id, state in goals])
+
+    def feedback(self, goal_id, bowl, wait=True):
+        self._send("feedback", wait, goal_id, GoalStatus.ACTIVE, feedback=WashTheDishesFeedback(bowl))
+
+    def result(self, goal_id, state=GoalStatus.SUCCEEDED, count=1, wait=True):
+        """End a goal with count bowls."""
+        self._send("result", wait, goal_id, state, result=WashTheDishesResult(bowls(count)))
+
+    def _send(self, topic, wait, goal_id=None, state=None, **fields):
+        message, number = self._publishers[topic].data_class(**fields), str(next(self._numbers))
+        message.header.frame_id, message.header.stamp = number, rospy.Time.now()
+        if goal_id is not None:
+            message.status.goal_id.id, message.status.status = goal_id, state
+        self._sent.append("%s %s" % (topic, [(one.goal_id.id, NAMES[one.status]) for one in (
+            message.status_list if topic == "status" else [message.status])]))
+        self._publishers[topic].publish(message)
+        if wait:
+            self.eventually(lambda: number in self._heard, "message %s (%s) to be heard" % (number, topic))
+
+    def __str__(self):
+        client = self.client
+        return "%s\ncame: goals %s, cancels %s\nsent: %s\nheard: done %s, fed %s, active %s\nclient: %s" % (
+            self.action, [one.goal_id.id for one in self.goals], self.cancels, "; ".join(self._sent[-20:]),
+            self.done, self.fed, len(self.active), client.gh and (NAMES[client.get_state()], client.get_result()))

@@ -1,0 +1,467 @@
+#!/usr/bin/python3
+"""What users of actionlib in Python have reported: a test names its threads on GitHub, doc/robust.md lists them.
+
+ACTIONLIB=plain tries actionlib itself; the page says how each test ends there.
+"""
+import contextlib
+import os
+import signal
+import socket
+import threading
+import time
+
+import rospy
+import rostest
+from actionlib_msgs.msg import GoalStatus
+
+from action_probe import ABORTED, ACTIVE, PENDING, PREEMPTED, PREEMPTING, RECALLED, SUCCEEDED, bowls
+from actions_tutorial.msg import WashTheDishesGoal
+from cases import NodeCase, check_quiet, concurrently
+from processes import PACKAGE, Group, Master, eventually
+from raw_server import PATIENCE, RawServer, client_of
+
+LOST, REJECTED = GoalStatus.LOST, GoalStatus.REJECTED
+
+PROGRAMS = os.path.join(PACKAGE, "test", "reports_programs.py")
+
+
+class Place(Group):
+    """A namespace (str) on this process's master; alone(): a master of its own."""
+
+    def __init__(self, namespace):
+        super().__init__(ROS_NAMESPACE=namespace)
+        self.namespace, self._ends = namespace, contextlib.ExitStack()
+
+    def meet(self, **options):
+        """A server that does as it is told, and its client with these options. -> RawServer"""
+        server = RawServer(self.namespace + "/raw", **options)
+        self._ends.callback(server.close)
+        return server
+
+    def alone(self, simulated=False):
+        """-> Master, with simulated time if asked for"""
+        master = self._ends.enter_context(Master())
+        master.api.setParam("/use_sim_time", simulated)
+        return master
+
+    def stop(self):
+        super().stop()
+        self._ends.close()
+
+
+def forward(listener, address, delay):
+    """Forward each connection to listener (socket) to address; each piece of it gets there delay (s) late."""
+    def pump(source, sink):
+        with contextlib.suppress(OSError):
+            for piece in iter(lambda: source.recv(65536), b""):
+                time.sleep(delay)
+                sink.sendall(piece)
+            sink.shutdown(socket.SHUT_WR)
+
+    with contextlib.suppress(OSError):
+        while True:
+            ends = listener.accept()[0], socket.create_connection(address)
+            for pair in ends, ends[::-1]:
+                threading.Thread(target=pump, args=pair, daemon=True).start()
+
+
+@concurrently(Place)
+class Reports(NodeCase):
+
+    def ends(self, raw, state=SUCCEEDED, result=bowls(1)):
+        """The goal has ended so, its client knows, and has been told once."""
+        self.assertTrue(raw.client.wait_for_result(PATIENCE), raw)
+        self.assertEqual((state, result), (raw.client.get_state(), raw.client.get_result().dishes_washed), raw)
+        self.assertEqual((state, result), raw.done[-1], raw)
+
+    def prints(self, node, *lines):
+        """The node (Process) ends well, having printed these lines (str), and nothing goes wrong in it."""
+        self.assertEqual(0, node.wait(60), node)
+        self.assertEqual(list(lines), node.stdout.splitlines(), node)
+        check_quiet(node)
+
+    # --- waiting ---
+
+    def test_second_try_right_after_a_time_out_is_not_lost(self, place):
+        server = place.start(PROGRAMS, "works")
+        server.expect("ready")
+        client = client_of(place.namespace + "/works", heartbeat_timeout=1.5)
+        self.assertTrue(client.wait_for_server(PATIENCE))
+        server.signal(signal.SIGSTOP)
+        client.send_goal(WashTheDishesGoal(0))
+        self.assertFalse(client.wait_for_result(PATIENCE), server)
+        self.assertEqual(LOST, client.get_state(), server)
+        client.send_goal(WashTheDishesGoal(0))
+        self.assertEqual(PENDING, client.get_state(), server)
+        server.signal(signal.SIGCONT)
+        self.assertTrue(client.wait_for_result(PATIENCE), server)
+        self.assertEqual(SUCCEEDED, client.get_state(), server)
+
+    def test_server_that_works_in_its_goal_callback_is_waited_for_and_a_frozen_one_is_lost(self, place):
+        server = place.start(PROGRAMS, "works")
+        server.expect("ready")
+        client = client_of(place.namespace + "/works", heartbeat_timeout=1.0)
+        self.assertTrue(client.wait_for_server(PATIENCE))
+        client.send_goal(WashTheDishesGoal(2))
+        self.assertTrue(client.wait_for_result(PATIENCE), server)
+        self.assertEqual(SUCCEEDED, client.get_state(), server)
+        client.send_goal(WashTheDishesGoal(60))
+        eventually(lambda: server.stdout.count("works") == 2, "the server at work", server)
+        server.signal(signal.SIGSTOP)
+        self.assertFalse(client.wait_for_result(PATIENCE), server)
+        self.assertEqual(LOST, client.get_state(), server)
+
+    def test_failure_is_told_for_no_server_for_no_end_and_for_a_goal_that_was_not_sent(self, place):
+        nobody = client_of(place.namespace + "/nobody")
+        self.assertFalse(nobody.wait_for_server(rospy.Duration(0.1)))
+        self.assertRegex(nobody.get_failure(), "/nobody.* 0.1 s")
+        raw = place.meet()
+        goal = raw.send()
+        self.assertIn("PENDING", raw.client.get_failure())
+        raw.status((goal, ACTIVE))
+        self.assertIn("ACTIVE", raw.client.get_failure())
+        raw.result(goal)
+        self.ends(raw)
+        self.assertIsNone(raw.client.get_failure())
+        with self.assertRaises(rospy.ROSException):
+            raw.client.send_goal(WashTheDishesGoal("many"))
+        self.assertTrue(raw.client.get_failure(), "expected the failure of the goal that was not sent")
+        raw.result(raw.send())
+        self.ends(raw)
+
+    def test_seconds_are_a_time_as_well_as_a_duration_is(self, place):
+        """ros/ros_comm #1658, #1703, which gave rospy the other half of it"""
+        nobody = client_of(place.namespace + "/nobody")
+        self.assertFalse(nobody.wait_for_server(0.1))
+        raw = place.meet()
+        self.assertTrue(raw.client.wait_for_server(30))
+        goal = raw.send()
+        for timeout in 0.2, 1, rospy.Duration(0.2):
+            begun = time.monotonic()
+            self.assertFalse(raw.client.wait_for_result(timeout))
+            self.assertGreater(time.monotonic() - begun, 0.15, timeout)
+        raw.result(goal)
+        for timeout in 30, 30.0, 0, rospy.Duration(30), rospy.Duration():
+            self.assertTrue(raw.client.wait_for_result(timeout), timeout)
+        self.assertEqual(PENDING, raw.client.send_goal_and_wait(WashTheDishesGoal(1), 0.2, 0.2))
+
+    def clock_begins(self, place, what, answer):
+        self.prints(place.alone(simulated=True).start(PROGRAMS, "clock_begins", what), "[%s]" % answer)
+
+    def test_clock_that_begins_does_not_end_the_wait_for_a_result(self, place):
+        """ros/actionlib #58"""
+        self.clock_begins(place, "result", True)
+
+    def test_clock_that_begins_does_not_end_the_wait_for_a_server(self, place):
+        """ros/actionlib #19, #137, #138; ros/ros_comm #354, #1839"""
+        self.clock_begins(place, "server", True)
+
+    def test_wait_for_a_server_ends_without_a_clock(self, place):
+        """ros/actionlib #19, #137"""
+        self.clock_begins(place, "nothing", False)
+
+    def test_short_waits_for_a_server_far_away_find_it_and_leave_no_threads(self, place):
+        master = place.alone()
+        address = "localhost", int(master.uri.rpartition(":")[2])
+        with socket.create_server(("localhost", 0)) as listener:
+            threading.Thread(target=forward, args=[listener, address, 0.05], daemon=True).start()
+            self.prints(master.start(PROGRAMS, "short_waits", ROS_MASTER_URI="http://localhost:%d" % (
+                listener.getsockname()[1])), "True")
+
+    def test_two_threads_that_wait_return_when_done_cb_has_and_the_state_can_be_asked_for_meanwhile(self, place):
+        """ros/actionlib #150, #155, #176"""
+        raw, inside, go_on, waited = place.meet(), threading.Event(), threading.Event(), []
+
+        def done_cb(state, result):
+            inside.set()
+            go_on.wait(30)
+            raw.hear_done(state, result)
+
+        goal = raw.send(done_cb=done_cb)
+        threads = [threading.Thread(target=lambda: waited.append(raw.client.wait_for_result(PATIENCE)), daemon=True)
+                   for _ in range(2)]
+        for thread in threads:
+            thread.start()
+        raw.result(goal, wait=False)
+        self.assertTrue(inside.wait(30), raw)
+        try:
+            self.assertEqual(SUCCEEDED, raw.client.get_state())
+            self.assertEqual(bowls(1), raw.client.get_result().dishes_washed)
+            self.assertFalse(raw.client.wait_for_result(rospy.Duration(0.5)), raw)
+            self.assertEqual([], waited)
+        finally:
+            go_on.set()
+        for thread in threads:
+            thread.join(30)
+        self.assertEqual([True, True], waited, raw)
+        self.ends(raw)
+
+    # --- callbacks ---
+
+    def test_goal_sent_from_done_cb_is_told_of_its_end_and_waited_for(self, place):
+        """ros/actionlib #193"""
+        raw, sent = place.meet(), threading.Event()
+
+        def again(state, result):
+            raw.hear_done(state, result)
+            raw.client.send_goal(WashTheDishesGoal(2), again if len(raw.done) < 3 else raw.hear_done)
+            sent.set()
+
+        raw.send(done_cb=again)
+        for count in range(1, 4):
+            sent.clear()
+            raw.result(raw.goals[-1].goal_id.id, count=count, wait=False)
+            self.assertTrue(sent.wait(30), raw)
+            raw.eventually(lambda: len(raw.goals) == count + 1, "the next goal")
+            self.assertFalse(raw.client.wait_for_result(rospy.Duration(0.3)), raw)
+        raw.result(raw.goals[-1].goal_id.id, count=4)
+        self.ends(raw, result=bowls(4))
+        self.assertEqual([(SUCCEEDED, bowls(count)) for count in range(1, 5)], raw.done, raw)
+
+    def test_callback_that_raises_spoils_nothing(self, place):
+        raw = place.meet()
+
+        def broken(*_):
+            raise RuntimeError("a callback of the test's own")
+
+        for name in "active_cb", "feedback_cb", "done_cb":
+            goal = raw.send(**{name: broken})
+            raw.feedback(goal, "bowl-0")
+            raw.result(goal)  # also ACTIVE by it
+            self.assertTrue(raw.client.wait_for_result(PATIENCE), "%s: %s" % (name, raw))
+            self.assertEqual(SUCCEEDED, raw.client.get_state(), name)
+        self.assertEqual((2, 2, ["bowl-0"] * 2), (len(raw.done), len(raw.active), raw.fed), raw)
+        raw.result(raw.send())
+        self.ends(raw)
+
+    def test_last_feedback_is_heard_though_its_callback_is_slow(self, place):
+        """ros/actionlib #213"""
+        raw, go_on = place.meet(), threading.Event()
+        goal = raw.send(feedback_cb=lambda one: [go_on.wait(30), raw.fed.append(one.last_dish_washed)])
+        for bowl in bowls(3):
+            raw.feedback(goal, bowl, wait=False)
+        raw.status((goal, ACTIVE))
+        raw.result(goal)
+        self.ends(raw)
+        go_on.set()
+        raw.eventually(lambda: raw.fed == bowls(3), "feedback of %s" % bowls(3))
+
+    def test_nothing_of_an_older_goal_reaches_the_newer_one(self, place):
+        """ros/actionlib #57, #177, and a comment in #213"""
+        raw = place.meet()
+        older, handle = raw.send(done_cb=lambda *_: raw.fed.append("done"), active_cb=lambda: raw.fed.append("active"),
+                                 feedback_cb=lambda _: raw.fed.append("fed")), raw.client.gh
+        newer = raw.send()
+        raw.feedback(older, "bowl-0")
+        raw.status((older, ACTIVE), (newer, PENDING))
+        handle.cancel()
+        raw.eventually(lambda: raw.cancels == [older], "a cancel of the older goal, and no other")
+        raw.status((older, PREEMPTING), (newer, PENDING))
+        raw.result(older, PREEMPTED)
+        self.assertEqual((PENDING, PREEMPTED), (raw.client.get_state(), handle.get_goal_status()), raw)
+        self.assertFalse(raw.client.wait_for_result(rospy.Duration(0.2)))
+        raw.result(newer)
+        self.ends(raw)
+        self.assertEqual([], raw.fed, raw)
+
+    def test_answer_that_comes_before_send_goal_returns_is_heard(self, place):
+        """ros/actionlib #206; in roscpp #64, #66, #75"""
+        raw, answers = place.meet(), []
+
+        def answer():
+            raw.eventually(lambda: raw.goals, "a goal")
+            goal = raw.goals[0].goal_id.id
+            raw.feedback(goal, "bowl-0")
+            raw.status((goal, ACTIVE))
+            raw.result(goal)
+
+        def publish(goal):
+            answers.append(threading.Thread(target=answer, daemon=True))
+            answers[0].start()
+            raw.client.action_client.pub_goal.publish(goal)
+            answers[0].join(1)  # or what comes is kept until we are back, which is well
+
+        raw.client.action_client.manager.register_send_goal_fn(publish)
+        raw.send()
+        answers[0].join(30)
+        self.ends(raw)
+        self.assertEqual(([(SUCCEEDED, bowls(1))], [True], ["bowl-0"]), (raw.done, raw.active, raw.fed), raw)
+
+    def test_goals_of_two_threads_each_hear_their_own_end_or_none(self, place):
+        """ros/actionlib #206"""
+        raw, inside, done = place.meet(), threading.Semaphore(0), []
+
+        def publish(goal):
+            inside.release()
+            raw.client.action_client.pub_goal.publish(goal)
+            if goal.goal.number_of_minutes == 1:
+                time.sleep(0.5)  # so that the other one is sent meanwhile, unless somebody sees to it that it is not
+
+        raw.client.action_client.manager.register_send_goal_fn(publish)
+        threads = [threading.Thread(target=raw.client.send_goal, daemon=True, args=[
+            WashTheDishesGoal(number), lambda state, result, number=number: done.append(
+                (number, len(result.dishes_washed)))]) for number in (1, 2)]
+        threads[0].start()
+        inside.acquire()
+        threads[1].start()
+        for thread in threads:
+            thread.join(30)
+        raw.eventually(lambda: len(raw.goals) == 2, "both goals")
+        self.assertEqual(2, len({goal.goal_id.id for goal in raw.goals}), raw)
+        for goal in raw.goals:
+            raw.result(goal.goal_id.id, count=goal.goal.number_of_minutes)
+        self.assertTrue(raw.client.wait_for_result(PATIENCE), raw)
+        self.assertEqual([(2, 2)], done, "minutes and bowls: %s" % raw)
+        self.assertEqual(bowls(2), raw.client.get_result().dishes_washed)
+
+    # --- what is sent, in whatever order ---
+
+    def test_state_is_an_ending_when_the_result_is_there_and_not_before(self, place):
+        """ros/actionlib #116"""
+        raw = place.meet()
+        for before, state, meanwhile in (
+                ((), SUCCEEDED, ACTIVE), ((ACTIVE,), SUCCEEDED, ACTIVE), ((PENDING, ACTIVE), ABORTED, ACTIVE),
+                ((ACTIVE, PREEMPTING), PREEMPTED, ACTIVE), ((), PREEMPTED, ACTIVE), ((PENDING,), REJECTED, PENDING),
+                ((), RECALLED, PENDING), ((PENDING, GoalStatus.RECALLING), RECALLED, PENDING)):
+            goal = raw.send()
+            for one in before + (state,):
+                raw.status((goal, one))
+            self.assertEqual((meanwhile, None), (raw.client.get_state(), raw.client.get_result()), raw)
+            self.assertFalse(raw.client.wait_for_result(rospy.Duration(0.1)))
+            raw.result(goal, state)
+            self.ends(raw, state)
+        self.assertEqual(8, len(raw.done), raw)
+
+    def test_result_ends_the_goal_whatever_status_came_before_it_and_comes_after_it(self, place):
+        raw = place.meet()
+        for state in SUCCEEDED, ABORTED, PREEMPTED, RECALLED, REJECTED:
+            for before, after in (((), (ACTIVE, state)), ((PENDING,), (ACTIVE,)), ((ACTIVE,), (PREEMPTING, state)),
+                                  ((ACTIVE, PENDING), ()), ((PREEMPTING,), (state,)), ((state,), (state,))):
+                goal = raw.send()
+                for one in before:
+                    raw.status((goal, one))
+                raw.result(goal, state)
+                self.ends(raw, state)
+                for one in after:
+                    raw.status((goal, one))
+                raw.status()  # as of a server that has forgotten it
+                raw.result(goal, state)
+                self.ends(raw, state)
+        self.assertEqual(30, len(raw.done), raw)
+
+    def test_cancel_after_the_end_changes_nothing_and_is_not_sent(self, place):
+        """ros/actionlib #126, #130"""
+        raw = place.meet()
+        goal = raw.send()
+        raw.status((goal, ACTIVE))
+        raw.result(goal)
+        self.ends(raw)
+        raw.client.cancel_goal()
+        raw.client.gh.cancel()
+        raw.status((goal, PREEMPTING))
+        raw.status()
+        self.ends(raw)
+        self.assertEqual(1, len(raw.done), raw)
+        newer = raw.send()
+        raw.client.cancel_goal()
+        raw.eventually(lambda: newer in raw.cancels, "a cancel")
+        self.assertEqual([newer], raw.cancels)
+
+    def test_status_from_before_the_goal_does_not_make_it_lost(self, place):
+        raw = place.meet()
+        goal = raw.send()
+        raw.client.cancel_goal()
+        raw.status()
+        raw.status(("/another", ACTIVE))
+        self.assertEqual(PENDING, raw.client.get_state(), raw)
+        raw.status((goal, PREEMPTING))
+        raw.result(goal, PREEMPTED)
+        self.ends(raw, PREEMPTED)
+
+    def test_goal_that_a_server_started_anew_does_not_know_is_lost_and_stays_so(self, place):
+        """PR2/pr2_common #139; in roscpp ros/actionlib #175"""
+        raw = place.meet()
+        goal = raw.send()
+        raw.status((goal, ACTIVE))
+        raw.status()
+        self.assertFalse(raw.client.wait_for_result(PATIENCE), raw)
+        raw.status((goal, ACTIVE))
+        self.assertEqual((LOST, [(LOST, None)]), (raw.client.get_state(), raw.done), raw)
+        raw.result(raw.send())
+        self.ends(raw)
+
+    def test_goal_whose_result_got_lost_does_not_wait_for_ever(self, place):
+        """ros/actionlib #181; in roscpp #75, #119"""
+        raw, waited = place.meet(heartbeat_timeout=1.0), []
+        goal = raw.send()
+        for state in ACTIVE, SUCCEEDED:
+            raw.status((goal, state))
+        waiting = threading.Thread(target=lambda: waited.append(raw.client.wait_for_result()), daemon=True)
+        waiting.start()
+        raw.eventually(lambda: raw.status() or waited, "an end of the wait")
+        self.assertEqual((LOST, [(LOST, None)]), (raw.client.get_state(), raw.done), raw)
+
+    def test_goal_that_got_lost_is_sent_again_as_it_was_though_its_message_has_changed(self, place):
+        """ros/actionlib #46"""
+        raw, goal = place.meet(), WashTheDishesGoal(3)
+        raw.client.send_goal(goal)
+        goal.number_of_minutes = 9
+        raw.eventually(lambda: len(raw.goals) > 1, "the goal once more", timeout=10)
+        first, second = raw.goals[:2]
+        self.assertEqual((first.goal_id, 3), (second.goal_id, second.goal.number_of_minutes))
+
+    # --- in programs ---
+
+    def test_goals_that_follow_each_other_fast_are_not_complained_of_and_the_last_one_ends(self, place):
+        """ros/actionlib #4, #177, #206"""
+        node = place.start(PROGRAMS, "fast")
+        self.prints(node, "True SUCCEEDED")
+        self.assertEqual(0, node.stderr.count("not tracking") + node.stderr.count("simple state"), node)
+
+    def test_server_takes_goals_up_without_a_pause(self, place):
+        """ros/actionlib #212"""
+        self.prints(place.start(PROGRAMS, "pauses"), "True")
+
+    def test_topics_may_be_renamed_one_by_one(self, place):
+        """ros/ros_comm #209"""
+        place.start(PROGRAMS, "server", "there").expect("ready")
+        self.prints(place.start(PROGRAMS, "client", "here", *("here/%s:=there/%s" % (topic, topic) for topic in (
+            "goal", "cancel", "status", "feedback", "result"))), "SUCCEEDED")
+
+    def test_stopped_clients_and_servers_leave_nothing(self, place):
+        """ros/actionlib #48, #142; ros/ros_comm #544"""
+        self.prints(place.start(PROGRAMS, "leave_nothing"), "nothing")
+
+    def served_on_a_clock_that_was_set_back_after(self, place, before):
+        self.prints(place.alone(simulated=True).start(PROGRAMS, "clock_set_back", before), "SUCCEEDED")
+
+    def test_goal_on_a_clock_that_was_set_back_after_a_goal_is_served(self, place):
+        """ros/actionlib #117, #128"""
+        self.served_on_a_clock_that_was_set_back_after(place, "ended")
+
+    def test_goal_on_a_clock_that_was_set_back_after_a_cancel_up_to_then_is_served(self, place):
+        """ros/actionlib #203"""
+        self.served_on_a_clock_that_was_set_back_after(place, "cancelled")
+
+    def test_goal_on_a_clock_that_was_set_back_during_a_goal_is_served(self, place):
+        """ros/actionlib #117, #203"""
+        self.served_on_a_clock_that_was_set_back_after(place, "running")
+
+    def test_heart_beats_on_on_a_clock_that_was_set_back(self, place):
+        """ros/ros_comm #1083"""
+        self.served_on_a_clock_that_was_set_back_after(place, "heartbeat")
+
+    def test_two_clients_of_a_name_have_ids_of_their_own_in_a_moment_of_simulated_time(self, place):
+        master = place.alone(simulated=True)
+        master.start(PROGRAMS, "clock_and_server", "work").expect("ready")
+        for _ in range(2):
+            self.prints(master.start(PROGRAMS, "client", "work"), "SUCCEEDED")
+
+    def test_program_that_fails_after_it_has_started_a_server_ends(self, place):
+        """ros/actionlib #146"""
+        node = place.start(PROGRAMS, "fails")
+        self.assertEqual(1, node.wait(), node)
+
+
+if __name__ == "__main__":
+    rostest.rosrun("actions_tutorial", "reports", Reports)
