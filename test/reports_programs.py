@@ -3,8 +3,10 @@
 
 A node with the program's name; NAME is that of a function here. What it prints is its finding.
 """
+import contextlib
 import gc
 import os
+import socket
 import sys
 import threading
 import time
@@ -20,6 +22,28 @@ from actions_tutorial.msg import WashTheDishesAction
 from processes import eventually
 from raw_server import PATIENCE, RawServer, client_of, library
 from simulated_clock import SimulatedClock
+
+@contextlib.contextmanager
+def forward(address, delay):
+    """Gives a port whose connections are forwarded to address; each piece gets there delay (s) late."""
+    def pump(source, sink):
+        with contextlib.suppress(OSError):
+            for piece in iter(lambda: source.recv(65536), b""):
+                time.sleep(delay)
+                sink.sendall(piece)
+            sink.shutdown(socket.SHUT_WR)
+
+    def accept():
+        with contextlib.suppress(OSError):
+            while True:
+                ends = listener.accept()[0], socket.create_connection(address)
+                for pair in ends, ends[::-1]:
+                    threading.Thread(target=pump, args=pair, daemon=True).start()
+
+    with socket.create_server(("localhost", 0)) as listener:
+        threading.Thread(target=accept, daemon=True).start()
+        yield listener.getsockname()[1]
+
 
 endings = []  # the names of the states in which the goals of send() have ended
 

@@ -6,19 +6,20 @@ ACTIONLIB=plain tries actionlib itself; the page says how each test ends there.
 import contextlib
 import os
 import signal
-import socket
 import threading
 import time
 
 import rospy
 import rostest
 from actionlib_msgs.msg import GoalStatus
+from std_msgs.msg import String
 
 from action_probe import ABORTED, ACTIVE, PENDING, PREEMPTED, PREEMPTING, RECALLED, SUCCEEDED, bowls
 from actions_tutorial.msg import WashTheDishesGoal
 from cases import NodeCase, check_quiet, concurrently
 from processes import PACKAGE, Group, Master, eventually
 from raw_server import PATIENCE, RawServer, client_of
+from reports_programs import forward
 
 LOST, REJECTED = GoalStatus.LOST, GoalStatus.REJECTED
 
@@ -47,22 +48,6 @@ class Place(Group):
     def stop(self):
         super().stop()
         self._ends.close()
-
-
-def forward(listener, address, delay):
-    """Forward each connection to listener (socket) to address; each piece of it gets there delay (s) late."""
-    def pump(source, sink):
-        with contextlib.suppress(OSError):
-            for piece in iter(lambda: source.recv(65536), b""):
-                time.sleep(delay)
-                sink.sendall(piece)
-            sink.shutdown(socket.SHUT_WR)
-
-    with contextlib.suppress(OSError):
-        while True:
-            ends = listener.accept()[0], socket.create_connection(address)
-            for pair in ends, ends[::-1]:
-                threading.Thread(target=pump, args=pair, daemon=True).start()
 
 
 @concurrently(Place)
@@ -126,8 +111,29 @@ class Reports(NodeCase):
         with self.assertRaises(rospy.ROSException):
             raw.client.send_goal(WashTheDishesGoal("many"))
         self.assertTrue(raw.client.get_failure(), "expected the failure of the goal that was not sent")
-        raw.result(raw.send())
-        self.ends(raw)
+
+    def found_until_it_is_killed(self, place):
+        """Returns a client whose goal has SUCCEEDED, and whose server is there no more."""
+        server = place.start(PROGRAMS, "works")
+        server.expect("ready")
+        client = client_of(place.namespace + "/works")
+        self.assertTrue(client.wait_for_server(PATIENCE))
+        client.send_goal(WashTheDishesGoal(0))
+        self.assertTrue(client.wait_for_result(PATIENCE))
+        server.stop()
+        eventually(lambda: not client.wait_for_server(rospy.Duration(0.3)), "no server any more", timeout=10)
+        return client
+
+    def test_server_that_was_killed_is_not_found_before_it_is_back(self, place):
+        client = self.found_until_it_is_killed(place)
+        place.start(PROGRAMS, "works").expect("ready")
+        self.assertTrue(client.wait_for_server(PATIENCE))
+        client.send_goal(WashTheDishesGoal(0))
+        self.assertTrue(client.wait_for_result(PATIENCE))
+        self.assertEqual(SUCCEEDED, client.get_state())
+
+    def test_failure_to_find_a_server_is_told_after_a_goal_that_succeeded(self, place):
+        self.assertRegex(str(self.found_until_it_is_killed(place).get_failure()), "/works.* 0.3 s")
 
     def test_seconds_are_a_time_as_well_as_a_duration_is(self, place):
         """ros/ros_comm #1658, #1703, which gave rospy the other half of it"""
@@ -163,10 +169,8 @@ class Reports(NodeCase):
     def test_short_waits_for_a_server_far_away_find_it_and_leave_no_threads(self, place):
         master = place.alone()
         address = "localhost", int(master.uri.rpartition(":")[2])
-        with socket.create_server(("localhost", 0)) as listener:
-            threading.Thread(target=forward, args=[listener, address, 0.05], daemon=True).start()
-            self.prints(master.start(PROGRAMS, "short_waits", ROS_MASTER_URI="http://localhost:%d" % (
-                listener.getsockname()[1])), "True")
+        with forward(address, 0.05) as port:
+            self.prints(master.start(PROGRAMS, "short_waits", ROS_MASTER_URI="http://localhost:%d" % port), "True")
 
     def test_two_threads_that_wait_return_when_done_cb_has_and_the_state_can_be_asked_for_meanwhile(self, place):
         """ros/actionlib #150, #155, #176"""
@@ -219,20 +223,22 @@ class Reports(NodeCase):
         self.assertEqual([(SUCCEEDED, bowls(count)) for count in range(1, 5)], raw.done, raw)
 
     def test_callback_that_raises_spoils_nothing(self, place):
-        raw = place.meet()
+        raw, errors = place.meet(), (RuntimeError, SystemExit)
+        for name, error in [(name, error) for name in ("active_cb", "feedback_cb", "done_cb") for error in errors]:
+            def broken(*_):
+                raise error("by the test's own callback")
 
-        def broken(*_):
-            raise RuntimeError("a callback of the test's own")
-
-        for name in "active_cb", "feedback_cb", "done_cb":
             goal = raw.send(**{name: broken})
-            raw.feedback(goal, "bowl-0")
-            raw.result(goal)  # also ACTIVE by it
+            raw.feedback(goal, "bowl-0", wait=False)
+            raw.result(goal, wait=False)  # also ACTIVE by it
             self.assertTrue(raw.client.wait_for_result(PATIENCE), "%s: %s" % (name, raw))
             self.assertEqual(SUCCEEDED, raw.client.get_state(), name)
-        self.assertEqual((2, 2, ["bowl-0"] * 2), (len(raw.done), len(raw.active), raw.fed), raw)
-        raw.result(raw.send())
+        goal = raw.send()
+        raw.feedback(goal, "bowl-1", wait=False)
+        raw.result(goal, wait=False)
         self.ends(raw)
+        raw.eventually(lambda: raw.fed == ["bowl-0"] * 4 + ["bowl-1"], "all feedback")
+        self.assertEqual((5, 5), (len(raw.done), len(raw.active)), raw)
 
     def test_last_feedback_is_heard_though_its_callback_is_slow(self, place):
         """ros/actionlib #213"""
@@ -313,6 +319,35 @@ class Reports(NodeCase):
         self.assertTrue(raw.client.wait_for_result(PATIENCE), raw)
         self.assertEqual([(2, 2)], done, "minutes and bowls: %s" % raw)
         self.assertEqual(bowls(2), raw.client.get_result().dishes_washed)
+
+    def test_state_is_that_of_the_older_or_the_newer_goal_while_this_is_sent(self, place):
+        raw, asking, said = place.meet(), [], []
+        raw.result(raw.send(3))
+        self.ends(raw)
+
+        def ask():
+            said.append((raw.client.get_state(), raw.client.get_result()))
+
+        def publish(goal):
+            asking.append(threading.Thread(target=ask, daemon=True))
+            asking[0].start()
+            asking[0].join(0.5)  # or it waits until the goal is sent, which is well
+            raw.client.action_client.pub_goal.publish(goal)
+
+        raw.client.action_client.manager.register_send_goal_fn(publish)
+        raw.send()
+        asking[0].join(30)
+        self.assertIn(said, ([(SUCCEEDED, raw.client.get_result())], [(PENDING, None)]), raw)
+
+    def test_goal_that_cannot_be_sent_does_not_spoil_the_next(self, place):
+        raw = place.meet()
+        for wrong in WashTheDishesGoal("many"), WashTheDishesGoal(2**40), String("wash"), None:
+            with self.assertRaises(Exception):
+                raw.client.send_goal(wrong)
+            self.assertEqual(LOST, raw.client.get_state(), "without a goal after %s" % wrong)
+            raw.result(raw.send())
+            self.ends(raw)
+        self.assertEqual(4, len(raw.goals), raw)
 
     # --- what is sent, in whatever order ---
 
