@@ -23,6 +23,7 @@ from processes import eventually
 from raw_server import PATIENCE, RawServer, client_of, library
 from simulated_clock import SimulatedClock
 
+
 @contextlib.contextmanager
 def forward(address, delay):
     """Gives a port whose connections are forwarded to address; each piece gets there delay (s) late."""

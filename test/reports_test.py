@@ -320,24 +320,27 @@ class Reports(NodeCase):
         self.assertEqual([(2, 2)], done, "minutes and bowls: %s" % raw)
         self.assertEqual(bowls(2), raw.client.get_result().dishes_washed)
 
-    def test_state_is_that_of_the_older_or_the_newer_goal_while_this_is_sent(self, place):
-        raw, asking, said = place.meet(), [], []
+    def test_questions_while_a_goal_is_sent_are_answered_for_the_older_or_the_newer_one(self, place):
+        raw, said, threads = place.meet(), {}, []
         raw.result(raw.send(3))
         self.ends(raw)
-
-        def ask():
-            said.append((raw.client.get_state(), raw.client.get_result()))
+        older = raw.client.get_result()
 
         def publish(goal):
-            asking.append(threading.Thread(target=ask, daemon=True))
-            asking[0].start()
-            asking[0].join(0.5)  # or it waits until the goal is sent, which is well
+            for name in "get_state", "get_result", "get_goal_status_text":
+                threads.append(threading.Thread(target=lambda name=name: said.update(
+                    {name: getattr(raw.client, name)()}), daemon=True))
+                threads[-1].start()
+            threads[0].join(0.5)  # or it waits until the goal is sent, which is well
             raw.client.action_client.pub_goal.publish(goal)
 
         raw.client.action_client.manager.register_send_goal_fn(publish)
         raw.send()
-        asking[0].join(30)
-        self.assertIn(said, ([(SUCCEEDED, raw.client.get_result())], [(PENDING, None)]), raw)
+        for thread in threads:
+            thread.join(30)
+        self.assertIn(said.get("get_state"), (SUCCEEDED, PENDING), raw)
+        self.assertIn(said.get("get_result", "nothing"), (older, None), raw)
+        self.assertEqual("", said.get("get_goal_status_text"), raw)
 
     def test_goal_that_cannot_be_sent_does_not_spoil_the_next(self, place):
         raw = place.meet()
