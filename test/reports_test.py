@@ -22,7 +22,6 @@ from raw_server import PATIENCE, RawServer, client_of
 from reports_programs import forward
 
 LOST, REJECTED = GoalStatus.LOST, GoalStatus.REJECTED
-
 PROGRAMS = os.path.join(PACKAGE, "test", "reports_programs.py")
 
 
@@ -183,8 +182,7 @@ class Reports(NodeCase):
         goal = raw.send(done_cb=done_cb)
         threads = [threading.Thread(target=lambda: waited.append(raw.client.wait_for_result(PATIENCE)), daemon=True)
                    for _ in range(2)]
-        for thread in threads:
-            thread.start()
+        [thread.start() for thread in threads]
         raw.result(goal, wait=False)
         self.assertTrue(inside.wait(30), raw)
         try:
@@ -194,8 +192,7 @@ class Reports(NodeCase):
             self.assertEqual([], waited)
         finally:
             go_on.set()
-        for thread in threads:
-            thread.join(30)
+        [thread.join(30) for thread in threads]
         self.assertEqual([True, True], waited, raw)
         self.ends(raw)
 
@@ -309,8 +306,7 @@ class Reports(NodeCase):
         threads[0].start()
         inside.acquire()
         threads[1].start()
-        for thread in threads:
-            thread.join(30)
+        [thread.join(30) for thread in threads]
         raw.eventually(lambda: len(raw.goals) == 2, "both goals")
         self.assertEqual(2, len({goal.goal_id.id for goal in raw.goals}), raw)
         for goal in raw.goals:
@@ -335,8 +331,7 @@ class Reports(NodeCase):
 
         raw.client.action_client.manager.register_send_goal_fn(publish)
         raw.send()
-        for thread in threads:
-            thread.join(30)
+        [thread.join(30) for thread in threads]
         self.assertIn(said.get("get_state"), (SUCCEEDED, PENDING), raw)
         self.assertIn(said.get("get_result", "nothing"), (older, None), raw)
         self.assertEqual("", said.get("get_goal_status_text"), raw)
