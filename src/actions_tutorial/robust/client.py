@@ -15,7 +15,6 @@ import io
 import secrets
 import threading
 import time
-import traceback
 from typing import Any, Callable, Optional, Union
 
 import actionlib
@@ -391,8 +390,7 @@ def _call(callback: Optional[Callable], *args: Any) -> None:
         if callback:
             callback(*args)
     except BaseException:  # sys.exit would end the thread that brings the answers
-        trace = "\n".join(map(log.printable, traceback.format_exc().splitlines()))
-        rospy.logerr("the callback %s failed: %s", getattr(callback, "__name__", callback), trace)
+        log.failed("the callback %s" % getattr(callback, "__name__", callback))
 
 
 def _duration(timeout: Seconds) -> genpy.Duration:

@@ -15,6 +15,7 @@ import select
 import sys
 import threading
 import time
+import traceback
 
 import rospy
 from rosgraph.roslogging import RosStreamHandler
@@ -34,6 +35,11 @@ _soon: collections.deque = collections.deque(maxlen=WAITING)  # lines on goals: 
 def printable(text):
     """Returns text (str) in one line, without what a terminal would obey."""
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
+
+
+def failed(what):
+    """Log that what (str) failed, with the traceback of the exception that is being handled."""
+    rospy.logerr("%s failed: %s", what, "\n".join(map(printable, traceback.format_exc().splitlines())))
 
 
 def soon(line):

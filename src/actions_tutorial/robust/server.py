@@ -11,7 +11,6 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-import traceback
 import weakref
 from typing import Any, Callable, Optional
 
@@ -25,7 +24,7 @@ from . import log, peers, rate, shutdown
 from .internals import NO_ANSWER, ask, ask_node, cannot_start, clear, name_of, need
 from .parameters import get_params
 
-LATER = 0.005  # s: a head start for what a client must hear first
+HEAD_START = 0.005  # s, for what a client must hear first
 SHUTTING_DOWN = "the server is shutting down"
 _RECALLABLE = GoalStatus.PENDING, GoalStatus.RECALLING
 _UNENDED = _RECALLABLE + (GoalStatus.ACTIVE, GoalStatus.PREEMPTING)
@@ -162,15 +161,14 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             self.__execute_cb(goal)
         except BaseException as error:  # sys.exit would end the thread, and no goal would be served any more
             if not rospy.is_shutdown():
-                trace = "\n".join(map(log.printable, traceback.format_exc().splitlines()))
-                rospy.logerr("%s: execute_cb failed: %s", self.__name, trace)
+                log.failed(self.__name + ": execute_cb")
             if self.is_active():
                 self.set_aborted(None, "execute_cb failed: %s: %s" % (type(error).__name__, error))
         if self.is_active():
             why = SHUTTING_DOWN if self.__shutting_down else "execute_cb returned without ending its goal"
             self.set_aborted(None, why)
         with self.execute_condition:
-            self.execute_condition.wait(LATER)
+            self.execute_condition.wait(HEAD_START)
         if not self.is_new_goal_available():  # whose status comes next
             self.action_server.publish_late_status()
             log.catch_up()
@@ -178,7 +176,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def __end(self, set_state, result, text):
         if set_state.__name__ != "set_preempted":
             # The result would now and then overtake the last feedback, which actionlib's client then drops.
-            time.sleep(max(0, self.__fed_back + LATER - time.monotonic()))
+            time.sleep(max(0, self.__fed_back + HEAD_START - time.monotonic()))
         with self.action_server.lock:
             if self.__closed:
                 return
@@ -252,9 +250,9 @@ class _GoalCondition(threading.Condition):
         self.server = server
 
     def wait(self, timeout=None):
-        # LATER is ours; else 1 s: for whoever sets need_to_terminate without a notification.
+        # HEAD_START is ours, else 1 s: for whoever sets need_to_terminate without a notification.
         return self.server.is_new_goal_available() or self.server.need_to_terminate or \
-            super().wait(timeout if timeout == LATER else 1)
+            super().wait(timeout if timeout == HEAD_START else 1)
 
 
 class _ActionServer(actionlib.ActionServer):
