@@ -2,6 +2,7 @@
 """What robust does without a node and without a master."""
 import atexit
 import contextlib
+import functools
 import inspect
 import io
 import logging
@@ -197,7 +198,8 @@ class Units(unittest.TestCase):
     def logged(self):
         """Returns a list to which each line of rospy's log is added."""
         said, handler = [], logging.Handler()
-        handler.emit = lambda line: said.append(line.getMessage())
+        handler.emit = functools.partial(log._write_at_once, mock.Mock(_stdout=io.StringIO()),
+                                         lambda line: said.append(line.getMessage()))
         logger, level = logging.getLogger("rosout"), logging.getLogger("rosout").level
         logger.addHandler(handler)
         logger.setLevel(logging.INFO)
@@ -206,12 +208,12 @@ class Units(unittest.TestCase):
 
     def test_lines_on_goals_stand_before_later_ones_and_each_line_says_what_was_so_when_it_was_logged(self):
         said, words, caller = self.logged(), ["then"], mock.Mock()
-        log._soon.append(lambda: "first")
-        log._write_at_once(mock.Mock(_stdout=io.StringIO()), lambda line: said.append(line.msg), record("second"))
+        log._soon.extend(functools.partial(str, number) for number in range(1000))
+        rospy.loginfo("later")
         log._write_later(caller, lambda line: said.append(line.getMessage()), record("%s", words))
         words[:] = ["now"]
         caller.put.call_args[0][0]()
-        self.assertEqual(["first", "second", "['then']"], said)
+        self.assertEqual([*map(str, range(1000)), "later", "['then']"], said)
 
     def test_flush_waits_for_the_lines_so_far_and_the_end_of_a_node_flushes(self):
         said = self.logged()

@@ -6,7 +6,6 @@ stand in their order. A thread takes it to /rosout and the log file a moment lat
 second thread holds its lines.
 """
 import collections
-import contextlib
 import functools
 import logging
 import os
@@ -28,6 +27,12 @@ AT_ONCE = 2000  # characters; a pipe that takes anything takes 4096 bytes withou
 
 _ROSPY = os.path.join("rospy", "impl", "")
 
+
+class _Here(threading.local):
+    catches_up = False
+
+
+_here = _Here()
 _taken: list = []  # the handlers, as long as nobody has to wait for them
 _soon: collections.deque = collections.deque(maxlen=WAITING)  # lines on goals: functions that return them
 
@@ -51,9 +56,16 @@ def soon(line):
 
 def catch_up():
     """Write the lines that were logged with soon()."""
-    with contextlib.suppress(IndexError):
+    if _here.catches_up:
+        return  # each line of log does so first; these do not, or each would stand behind the next
+    _here.catches_up = True
+    try:
         while _soon:
             rospy.loginfo("%s", _soon.popleft()())
+    except IndexError:
+        pass  # another thread was faster
+    finally:
+        _here.catches_up = False
 
 
 def hold_nobody_up(handlers):
