@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""The action server: washes one bowl a second, reports each one, and stops as soon as it is asked to."""
-from actions_tutorial import robust  # before rospy, so that Ctrl-C is quiet from the first moment
+"""The action server, mended."""
+from actions_tutorial import robust  # before rospy: Ctrl-C is then quiet
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesFeedback, WashTheDishesResult
 import rospy
 
@@ -26,7 +26,7 @@ class ActionServer:
             # A robot's own work goes here, in short steps: during a step nothing can stop the goal.
             result.dishes_washed.append("bowl-%d" % minute)
             self.a_server.publish_feedback(WashTheDishesFeedback(last_dish_washed="bowl-%d" % minute))
-            if not rate.sleep():  # a cancel, a newer goal or a shutdown has ended the sleep
+            if not rate.sleep():  # the goal should stop
                 return self.a_server.set_preempted(result)
         self.a_server.set_succeeded(result)
 

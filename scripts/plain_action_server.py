@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""The action server on plain rospy and actionlib: washes one bowl a second, and looks then whether to stop."""
+"""The action server on plain rospy and actionlib."""
 import actionlib
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesFeedback, WashTheDishesResult
 import rospy
@@ -13,6 +13,7 @@ class ActionServer:
         self.a_server = actionlib.SimpleActionServer(
             "wash_dishes_as", WashTheDishesAction, execute_cb=self.execute_cb, auto_start=False)
         self.a_server.start()
+        rospy.loginfo("wash_dishes_as waits for goals")
 
     def execute_cb(self, goal):
         """Wash goal.number_of_minutes bowls, in the server's thread. Each goal ends with one call of set_succeeded,
