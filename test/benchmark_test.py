@@ -56,7 +56,7 @@ class TestBenchmark(unittest.TestCase):
                 self.assertIsInstance(row[kind], float, "%s, %s" % (name, kind))
         for name in "cancel_result_median", "newer_active_median", "cancel_result_clients_3":
             self.assertGreaterEqual(rows[name]["ours"], 1e3 * SLEEP, "ms, %s of a server that sleeps" % name)
-        self.assertIs(False, rows["drift"]["met"], "goal met by a server that is %g s late" % SLEEP)
+        self.assertIs(False, rows["drift"]["met"], "target met by a server that is %g s late" % SLEEP)
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ class _ListeningSocket(socket.socket):
                 return super().accept()
             except OSError as error:
                 if self.fileno() < 0:
-                    raise SystemExit from None  # closed, for the node ends: so does this thread, without a word
+                    raise SystemExit from None  # closed, because the node ends; so does this thread
                 if error.errno not in (errno.EMFILE, errno.ENFILE):
                     raise
             time.sleep(0.1)

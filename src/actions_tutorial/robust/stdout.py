@@ -27,8 +27,8 @@ class _File(io.FileIO):
 
 
 class _Stdout(io.TextIOWrapper):
-    """Without it, lines get into a pipe in lumps, much later; and when nobody reads the pipe any more, each print is a
-    traceback, and the node works on for nobody."""
+    """Without it, whoever reads a pipe gets the lines many at once and much later; and when nobody reads it any more,
+    each print is a traceback, and the node works on for nobody."""
 
     def __init__(self, close_node):
         super().__init__(_File(1, "wb", closefd=False), encoding=sys.__stdout__.encoding, errors="backslashreplace")
