@@ -2,20 +2,20 @@
 """The action client: sends one goal and prints its feedback and result.
 
 Private parameters, set with _NAME:=VALUE:
-  ~number_of_minutes   the goal: how many bowls to wash (default 7)
-  ~server_timeout      seconds to wait for the master and again for the server; 0: for ever (default 0)
-  ~heartbeat_timeout   seconds without word of the goal after which the server counts as lost (default 5)
+  ~number_of_minutes   the goal: how many minutes to wash, one bowl a minute (default 7)
+  ~server_timeout      seconds to wait for the master, and then as long again for the server; 0: for ever (default 0)
+  ~heartbeat_timeout   seconds in which no status lists the goal, after which the server counts as lost (default 5)
 
-Exit status: 0 SUCCEEDED; 1 any other ending; 2 a wrong parameter or argument; no goal was sent.
+Exit status: 0 for SUCCEEDED; 1 for any other ending, or no server; 2 for a wrong parameter or argument.
 """
 import sys
 
+from actions_tutorial import robust  # first: Ctrl-C while the rest is loaded then leaves no traceback
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
-from actions_tutorial import robust  # in place of actionlib; imported before rospy, so that Ctrl-C is quiet at once
 import rospy
 
 PARAMETERS = {  # default, lowest and highest value; None: no limit
-    "~number_of_minutes": (7, -2147483648, 2147483647),  # what an int32 of the action file can hold
+    "~number_of_minutes": (7, -2147483648, 2147483647),  # all that an int32 can hold: the server judges it
     "~server_timeout": (0.0, 0.0, None),
     "~heartbeat_timeout": (5.0, 0.1, None),
 }
@@ -27,14 +27,14 @@ def feedback_cb(msg):
 
 
 def call_server(number_of_minutes, server_timeout, heartbeat_timeout):
-    """Send a goal and wait for its ending. If the node is stopped meanwhile (Ctrl-C), the client cancels the goal.
+    """Send a goal and wait for its ending. On Ctrl-C robust cancels the goal, and all waiting ends.
 
     Returns (result, failure): the result may be partial, or None; the failure (str) is None for SUCCEEDED.
     """
     # As actionlib.SimpleActionClient; heartbeat_timeout and get_failure() are robust's own.
     client = robust.SimpleActionClient("wash_dishes_as", WashTheDishesAction, heartbeat_timeout=heartbeat_timeout)
     if not client.wait_for_server(rospy.Duration(server_timeout)):
-        return None, client.get_failure() + " (~server_timeout)"
+        return None, client.get_failure()
     goal = WashTheDishesGoal()
     goal.number_of_minutes = number_of_minutes
     client.send_goal(goal, feedback_cb=feedback_cb)
@@ -44,7 +44,7 @@ def call_server(number_of_minutes, server_timeout, heartbeat_timeout):
 
 def main():
     """Returns the exit status."""
-    # As rospy.init_node; it also checks the parameters, and returns their values in the table's order.
+    # As rospy.init_node; it also checks the parameters, and returns their values in the order of the table.
     values = robust.init_node("action_client", usage=__doc__, parameters=PARAMETERS)
     result, failure = call_server(*values)
     if result is not None:

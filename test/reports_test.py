@@ -96,6 +96,7 @@ class Reports(NodeCase):
         server.signal(signal.SIGSTOP)
         self.assertFalse(client.wait_for_result(PATIENCE), server)
         self.assertEqual(LOST, client.get_state(), server)
+        self.assertFalse(client.wait_for_server(rospy.Duration(0.5)), server)
 
     def test_failure_is_told_for_no_server_for_no_end_and_for_a_goal_that_was_not_sent(self, place):
         nobody = client_of(place.namespace + "/nobody")

@@ -99,7 +99,7 @@ class StartFaults(unittest.TestCase):
         client.expect("waiting for the master .*, 5 s")
         master.process.signal(signal.SIGCONT)
         self.assertEqual(1, client.wait(), client)
-        self.assertIn("no action /wash_dishes_as within 7 s (~server_timeout)", client.stderr, client)
+        self.assertIn("no action /wash_dishes_as within 7 s", client.stderr, client)
         self.assertGreater(client.lines[-1][0], 5 + 7, client)
 
     def test_frozen_master_is_said_every_5_s_and_its_return_is_noticed(self, master):

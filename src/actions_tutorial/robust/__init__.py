@@ -5,8 +5,10 @@
 
 robust.init_node, robust.get_param, robust.SimpleActionServer and robust.SimpleActionClient take the place of
 rospy.init_node, rospy.get_param, actionlib.SimpleActionServer and actionlib.SimpleActionClient; whatever else actionlib
-has, robust has, too. Import it before rospy.
+has, robust has, too. Import it first: while it and the messages of its package are loaded, Ctrl-C leaves no traceback.
 """
+import contextlib
+import importlib
 import signal
 import sys
 import threading
@@ -26,6 +28,9 @@ from .client import SimpleActionClient  # noqa: E402, F401
 from .node import init_node  # noqa: E402, F401
 from .parameters import get_param  # noqa: E402, F401
 from .server import SimpleActionServer  # noqa: E402, F401
+
+with contextlib.suppress(ImportError, ValueError):  # if the package around this has messages, its nodes load them next
+    importlib.import_module("..msg", __package__)
 
 sys.argv = _argv
 if _quiet:

@@ -277,6 +277,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                 goal.send_again()
             if goal.silence > self.__heartbeat_timeout and (
                     speaks_of_others or goal.silence > LIVING * self.__heartbeat_timeout or not self.__server_lives()):
+                self.action_client.last_status_msg = None  # who waits for a server now waits for one that speaks
                 goal.lose("server lost: silent for %.1f s (heartbeat_timeout is %g s)" % (
                     goal.silence, self.__heartbeat_timeout))
 
