@@ -8,7 +8,10 @@ import actionlib
 import rosgraph
 import rospy
 import rostest
-from actionlib.msg import TestAction, TestActionFeedback, TestActionResult, TestFeedback, TestGoal, TestResult
+from actionlib.action_client import CommStateMachine
+from actionlib.msg import (
+    TestAction, TestActionFeedback, TestActionGoal, TestActionResult, TestFeedback, TestGoal, TestResult)
+from actionlib.simple_action_client import SimpleGoalState
 from actionlib_msgs.msg import GoalStatus
 
 from actions_tutorial import robust
@@ -140,6 +143,29 @@ class DropIn(unittest.TestCase):
             rosgraph.Master(rospy.get_name()).unregisterPublisher("/late/" + what, rospy.get_node_uri())
         actionlib.SimpleActionServer("late", TestAction, lambda goal: None, True)
         self.assertTrue(client.wait_for_server(PATIENCE))
+
+    def test_callbacks_that_a_program_sets_later_count_and_it_sees_done_when_done_cb_is_through(self):
+        client, heard = self.client("by_subclass"), []
+        client.send_goal(TestGoal(3))
+        client.feedback_cb = lambda feedback: heard.append("feedback")
+        client.done_cb = lambda state, result: heard.append(client.simple_state)
+        eventually(lambda: heard, "feedback")
+        client.cancel_goal()
+        self.assertTrue(client.wait_for_result(PATIENCE))
+        self.assertEqual({"feedback", SimpleGoalState.ACTIVE}, set(heard))
+        self.assertEqual(SimpleGoalState.DONE, client.simple_state)
+
+    def test_client_that_makes_the_parts_or_the_handle_itself(self):
+        class Own(robust.SimpleActionClient):
+            def __init__(self, name):
+                self.action_client = actionlib.ActionClient(name, TestAction)
+                self.simple_state, self.gh, self.done_condition = SimpleGoalState.DONE, None, threading.Condition()
+
+        client = Own("by_subclass")
+        self.assertEqual(GoalStatus.SUCCEEDED, self.ending(client, 0))
+        client.gh = actionlib.ClientGoalHandle(CommStateMachine(TestActionGoal(), None, None, None, print))
+        client.cancel_goal()
+        self.assertEqual(GoalStatus.PENDING, client.get_state())
 
     def test_silent_server_is_lost(self):
         client, done = self.client("by_callback", heartbeat_timeout=1.0), []

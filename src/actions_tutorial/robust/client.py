@@ -43,6 +43,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     It needs no init_node of ours. Names of its own begin with two underscores, so that a subclass may have any other.
     """
 
+    __is_set_up, __why_not_sent = False, ""
+
     def __init__(self, ns: str, ActionSpec: type, *, heartbeat_timeout: float = 5.0) -> None:
         """Arguments as for actionlib.SimpleActionClient.
 
@@ -61,6 +63,13 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             super().__init__(ns, ActionSpec)
         except (OSError, ValueError) as error:
             raise cannot_start("the client of %s cannot start: %s" % (rospy.resolve_name(ns), error)) from error
+        self.__set_up(heartbeat_timeout)
+
+    def __set_up(self, heartbeat_timeout: float = 5.0) -> None:
+        """Once; with its first call, for a subclass that makes the library's parts itself and not by our __init__."""
+        if self.__is_set_up:
+            return
+        self.__is_set_up = True
         need("actionlib", self, "simple_state", "gh", "done_condition", "action_client", "_handle_transition",
              "_handle_feedback")
         need("actionlib", self.action_client, "manager", "pub_goal", "pub_cancel", "result_sub", "feedback_sub",
@@ -71,7 +80,6 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         need("rospy", self.action_client.pub_goal, "impl")
         need("rospy", self.action_client.pub_goal.impl, "has_connection", "buff")
         self.__heartbeat_timeout = heartbeat_timeout
-        self.__why_not_sent = ""
         self.__is_connected = node.asking(self.__ask_server)
         self.__registered = time.monotonic()
         self.__watcher: Optional[threading.Thread] = None
@@ -88,6 +96,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         timeout: rospy.Duration or s, of real time (0: for ever; below 0: a look, no wait).
         Returns whether they do: False after timeout and on shutdown; get_failure() says which.
         """
+        self.__set_up()
         what = "action " + rospy.resolve_name(self.action_client.ns)
         seconds = _duration(timeout).to_sec()
         connected = node.wait_for(what, lambda: self.action_client.last_status_msg and self.__is_connected(), seconds)
@@ -130,6 +139,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
 
         Raises rospy.ROSSerializationException for a goal that cannot be sent, rospy.ROSInitException on shutdown.
         """
+        self.__set_up()
         with self.action_client.manager.list_mutex:  # whoever brings an answer waits for this
             if self.__shutting_down:
                 raise cannot_start("the node was shut down before it sent its goal")
@@ -137,7 +147,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                 super().send_goal(goal, done_cb, active_cb, feedback_cb)
                 machine = self.gh.comm_state_machine
                 machine.__class__ = _Goal
-                machine.begin(done_cb, active_cb, feedback_cb)
+                machine.begin()
             except Exception as error:  # SerializationError of its fields, AttributeError of a message of another kind
                 # Without it, what is written of it stays in rospy's buffer, and spoils the next goal.
                 clear(self.action_client.pub_goal)
@@ -170,7 +180,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """
         goal, seconds, begun = self.__goal(), _duration(timeout).to_sec(), 0.0
         if not goal:
-            return super().wait_for_result(timeout)  # which logs an error
+            return super().wait_for_result(_duration(timeout))  # which logs an error
         with self.done_condition:
             while not goal.is_over and not rospy.is_shutdown():
                 now = rospy.get_time()
@@ -189,6 +199,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         goal = self.__goal()
         if goal:
             goal.cancel()
+        else:
+            super().cancel_goal()
 
     def get_state(self) -> int:
         """Returns the goal's state (actionlib_msgs/GoalStatus): PENDING or ACTIVE until its ending and its result are
@@ -226,16 +238,21 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         return "goal %s: %s" % (name_of(state), text)
 
     def __goal(self) -> Any:
-        """Returns the goal that is tracked (_Goal), or None."""
+        """Returns the goal that is tracked (_Goal), or None, as for a handle that the program itself has made."""
         with self.action_client.manager.list_mutex:
-            return self.gh and self.gh.comm_state_machine
+            machine = self.gh and self.gh.comm_state_machine
+            return machine if isinstance(machine, _Goal) else None
 
     def __reaches(self, goal: Any, state: int) -> bool:
         """Returns whether goal is the one that is tracked, and reaches a simple state that it did not have."""
         with self.action_client.manager.list_mutex:
             if goal is not self.__goal() or goal.simple_state >= state:
                 return False
-            goal.simple_state = self.simple_state = state
+            goal.simple_state = state
+            if state != SimpleGoalState.DONE:  # of a program that looks at it: as actionlib's, after done_cb
+                self.simple_state = state
+            # A program may set them after send_goal, too.
+            goal.done_cb, goal.active_cb = self.done_cb, self.active_cb
             return True
 
     def _handle_transition(self, gh: actionlib.ClientGoalHandle) -> None:
@@ -248,14 +265,17 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             if gh.get_goal_status() == GoalStatus.SUCCEEDED:
                 shutdown.unfinished.discard(goal)
             _call(goal.done_cb, gh.get_goal_status(), gh.get_result())
-            with self.done_condition:
+            with self.done_condition, self.action_client.manager.list_mutex:
                 goal.is_over = True
+                if (self.__goal() or goal) is goal:  # or else done_cb has sent the next one
+                    self.simple_state = SimpleGoalState.DONE
                 self.done_condition.notify_all()
 
     def _handle_feedback(self, gh: actionlib.ClientGoalHandle, feedback: genpy.Message) -> None:
-        goal = gh.comm_state_machine
-        if goal is self.__goal() and goal.users_feedback_cb:
-            goal.users_feedback_cb(feedback)
+        with self.action_client.manager.list_mutex:
+            feedback_cb = gh.comm_state_machine is self.__goal() and self.feedback_cb
+        if feedback_cb:
+            feedback_cb(feedback)
 
     def __watch(self) -> None:
         """Look after the goal until it has ended. Without it, a client whose server is gone waits for ever, and a goal
@@ -307,10 +327,8 @@ class _Goal(CommStateMachine):
     """What the library knows of a goal that was sent, and what we know of it: what was made a CommStateMachine, for the
     library knows no other class, becomes one of these before any answer gets to it."""
 
-    def begin(self, done_cb: Optional[Callable], active_cb: Optional[Callable],
-              feedback_cb: Optional[Callable]) -> None:
+    def begin(self) -> None:
         self.send_cancel = self.__dict__.pop("send_cancel_fn")
-        self.done_cb, self.active_cb, self.users_feedback_cb = done_cb, active_cb, feedback_cb
         self.simple_state = SimpleGoalState.PENDING
         self.is_over = False  # DONE, and done_cb has run
         self.why = ""  # the server has given it no ending
