@@ -117,12 +117,12 @@ def _check_surroundings(arguments):
 
 def asking(question):
     """Returns is_there() for wait_for(): whether the answer to question() (bool) is yes. It is asked in a thread, one
-    at a time, for an answer may take for ever; one that comes late counts at the next call."""
-    thread, answer = None, False
+    at a time, for an answer may take for ever; one that comes late counts at the next call within a second."""
+    thread, answer, answered = None, False, 0.0
 
     def ask():
-        nonlocal answer
-        answer = question()
+        nonlocal answer, answered
+        answer, answered = question(), time.monotonic()
 
     def is_there():
         nonlocal thread, answer
@@ -135,7 +135,7 @@ def asking(question):
         if mine.is_alive():
             return False
         thread = None
-        return answer
+        return answer and time.monotonic() - answered < 1
 
     return is_there
 
