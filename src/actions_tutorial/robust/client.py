@@ -120,7 +120,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             connections = ask_node(server, "getBusInfo", 2)
         except NO_ANSWER:
             return True  # it cannot be asked
-        sent = {topic for _, peer, way, _, topic, *_ in connections if peer == rospy.get_name() and way == "o"}
+        sent = {topic for _, peer, _, _, topic, *_ in connections if peer == rospy.get_name()}
         return {client.result_sub.resolved_name, client.feedback_sub.resolved_name} <= sent and not rospy.is_shutdown()
 
     def __register_again(self, publishers: tuple) -> None:
@@ -152,7 +152,6 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                 # Without it, what is written of it stays in rospy's buffer, and spoils the next goal.
                 clear(self.action_client.pub_goal)
                 self.stop_tracking_goal()
-                self.simple_state = SimpleGoalState.DONE
                 self.__why_not_sent = "the goal cannot be sent: %s" % error
                 if isinstance(error, genpy.SerializationError):
                     raise rospy.ROSSerializationException(str(error)) from error
