@@ -206,6 +206,7 @@ class TestClient(NodeCase):
         client.expect("waiting for")
         client.signal(signal.SIGINT)
         self.assertEqual(client.wait(), 1, client)
+        self.assertIn("interrupted while waiting for the action", client.stderr, client)
         check_quiet(client)
 
     def test_twenty_clients_at_once(self, scene):

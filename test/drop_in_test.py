@@ -143,6 +143,8 @@ class DropIn(unittest.TestCase):
             rosgraph.Master(rospy.get_name()).unregisterPublisher("/late/" + what, rospy.get_node_uri())
         actionlib.SimpleActionServer("late", TestAction, lambda goal: None, True)
         self.assertTrue(client.wait_for_server(PATIENCE))
+        self.assertEqual([1, 1], [topic.get_num_connections() for topic in (
+            client.action_client.pub_goal, client.action_client.pub_cancel)])
 
     def test_callbacks_that_a_program_sets_later_count_and_it_sees_done_when_done_cb_is_through(self):
         client, heard = self.client("by_subclass"), []

@@ -6,12 +6,14 @@ ACTIONLIB=plain tries actionlib itself; the page says how each test ends there.
 import contextlib
 import os
 import signal
+import socket
 import threading
 import time
 
 import rospy
 import rostest
 from actionlib_msgs.msg import GoalStatus
+from rospy.impl.tcpros_base import get_tcpros_server_address
 from std_msgs.msg import String
 
 from action_probe import ABORTED, ACTIVE, PENDING, PREEMPTED, PREEMPTING, RECALLED, SUCCEEDED, bowls
@@ -77,14 +79,16 @@ class Reports(NodeCase):
     def test_second_try_right_after_a_time_out_is_not_lost(self, place):
         server, client = self.works(place, heartbeat_timeout=1.5)
         server.signal(signal.SIGSTOP)
+        eventually(lambda: server.usage.status() == "stopped", "a server that is frozen", server)
         client.send_goal(WashTheDishesGoal(0))
         self.assertFalse(client.wait_for_result(PATIENCE), server)
         self.assertEqual(LOST, client.get_state(), server)
         client.send_goal(WashTheDishesGoal(0))
         self.assertEqual(PENDING, client.get_state(), server)
+        self.assertFalse(client.wait_for_server(0.1), server)
         server.signal(signal.SIGCONT)
         self.assertTrue(client.wait_for_result(PATIENCE), server)
-        self.assertEqual(SUCCEEDED, client.get_state(), server)
+        self.assertIsNone(client.get_failure(), server)
 
     def test_server_that_works_in_its_goal_callback_is_waited_for_and_a_frozen_one_is_lost(self, place):
         server, client = self.works(place, heartbeat_timeout=1.0)
@@ -102,6 +106,14 @@ class Reports(NodeCase):
         nobody = client_of(place.namespace + "/nobody")
         self.assertFalse(nobody.wait_for_server(rospy.Duration(0.1)))
         self.assertRegex(nobody.get_failure(), "/nobody.* 0.1 s")
+        self.assertEqual((False, None), (nobody.wait_for_result(), nobody.get_result()))
+        nobody.cancel_goal()
+        nobody.send_goal(WashTheDishesGoal(1))
+        self.assertIn("PENDING", nobody.get_failure())
+        with self.assertRaises(rospy.ROSSerializationException):
+            nobody.send_goal(WashTheDishesGoal("many"))
+        self.assertEqual(LOST, nobody.get_state())
+        self.assertIn("cannot be sent", nobody.get_failure())
         raw = place.meet()
         goal = raw.send()
         self.assertIn("PENDING", raw.client.get_failure())
@@ -110,9 +122,21 @@ class Reports(NodeCase):
         raw.result(goal)
         self.ends(raw)
         self.assertIsNone(raw.client.get_failure())
-        with self.assertRaises(rospy.ROSException):
-            raw.client.send_goal(WashTheDishesGoal("many"))
-        self.assertTrue(raw.client.get_failure(), "expected the failure of the goal that was not sent")
+
+    def test_server_is_found_when_its_results_and_feedback_get_here_and_not_before(self, place):
+        raw = place.meet()
+        for topic in "result", "feedback":
+            old = raw._publishers[topic]
+            name, kind = old.name, old.data_class
+            old.unregister()
+            self.assertFalse(raw.client.wait_for_server(0.3), topic)
+            raw._publishers[topic] = rospy.Publisher(name, kind, queue_size=1)
+            self.assertTrue(raw.client.wait_for_server(PATIENCE), topic)
+
+    def test_silent_peer_of_a_node_of_rospys_keeps_no_client_from_its_server(self, place):
+        place.meet()
+        with socket.create_connection(("localhost", get_tcpros_server_address()[1])):
+            self.works(place)
 
     def found_until_it_is_killed(self, place):
         """Returns a client whose goal has SUCCEEDED, and whose server is there no more."""
@@ -408,6 +432,7 @@ class Reports(NodeCase):
         raw.status(("/another", ACTIVE))
         self.assertEqual(PENDING, raw.client.get_state(), raw)
         raw.status((goal, PREEMPTING))
+        self.assertEqual(ACTIVE, raw.client.get_state(), raw)
         raw.result(goal, PREEMPTED)
         self.ends(raw, PREEMPTED)
 

@@ -85,7 +85,9 @@ class StartFaults(unittest.TestCase):
                                               ROS_NAMESPACE=namespace)
 
     def test_wrong_queue_stops_the_client_in_one_line(self, master):
-        self.wrong_parameter_of_actionlib(master, "action_client.py", "/actionlib_client_pub_queue_size", "long")
+        for topics in "sub", "pub":
+            self.wrong_parameter_of_actionlib(master, "action_client.py", "/actionlib_client_%s_queue_size" % topics,
+                                              "long")
 
     def test_frozen_master_is_waited_for_no_longer_than_the_time_out(self, master):
         master.process.signal(signal.SIGSTOP)

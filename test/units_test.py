@@ -6,9 +6,11 @@ import functools
 import inspect
 import io
 import logging
+import os
 import pathlib
 import re
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -20,9 +22,10 @@ from unittest import mock
 import actionlib
 import rospy
 import rosunit
+from rospy.impl import tcpros_base
 
 from actions_tutorial import robust
-from actions_tutorial.robust import internals, log, peers, rate, server, shutdown
+from actions_tutorial.robust import internals, log, node, peers, rate, server, shutdown
 from processes import eventually
 
 STANDS_FOR = {name: getattr(rospy if hasattr(rospy, name) else actionlib, name)
@@ -226,6 +229,29 @@ class Units(unittest.TestCase):
     def test_line_on_a_goal_that_another_thread_has_just_taken_is_no_error(self):
         with mock.patch.object(log, "_soon", mock.MagicMock(popleft=mock.Mock(side_effect=IndexError))):
             log.catch_up()
+
+    def test_heartbeat_timeout_that_is_no_number_above_0_is_a_value_error(self):
+        for wrong in 0, -1, float("nan"), True, "5":
+            with self.subTest(wrong), self.assertRaisesRegex(ValueError, "^heartbeat_timeout is .*above 0$"):
+                robust.SimpleActionClient("work", None, heartbeat_timeout=wrong)
+
+    def test_answer_of_more_than_a_second_ago_is_asked_for_again(self):
+        now, go_on, before = [0], threading.Event(), threading.active_count()
+        is_there = node.asking(lambda: go_on.wait(30))
+        with mock.patch.object(node, "time", mock.Mock(monotonic=lambda: now[0])):
+            self.assertFalse(is_there())
+            go_on.set()
+            eventually(lambda: threading.active_count() == before, "an answer")
+            now[0] = 1.5
+            self.assertFalse(is_there())
+            eventually(is_there, "a new answer")
+
+    def test_socket_that_accepts_peers_waits_for_them_whatever_the_default_time_out(self):
+        self.addCleanup(socket.setdefaulttimeout, socket.getdefaulttimeout())
+        tcpros_base.start_tcpros_server()
+        socket.setdefaulttimeout(60)  # as rospy does when it connects
+        peers.serve_all_peers()
+        self.assertTrue(os.get_blocking(tcpros_base.init_tcpros_server().tcp_ros_server.server_sock.fileno()))
 
     def test_peer_that_waits_for_another_in_vain_leaves_the_lock_to_that(self):
         once = iter([lambda: connect("topic", "uri")])
