@@ -161,7 +161,8 @@ class Reports(NodeCase):
     def test_seconds_are_a_time_as_well_as_a_duration_is(self, place):
         """ros/ros_comm #1658, #1703, which gave rospy the other half of it"""
         nobody = client_of(place.namespace + "/nobody")
-        self.assertFalse(nobody.wait_for_server(0.1))
+        for timeout in 0.1, -1:
+            self.assertFalse(nobody.wait_for_server(timeout))
         raw = place.meet()
         self.assertTrue(raw.client.wait_for_server(30))
         goal = raw.send()
@@ -443,6 +444,7 @@ class Reports(NodeCase):
         raw.status((goal, ACTIVE))
         raw.status()
         self.assertFalse(raw.client.wait_for_result(PATIENCE), raw)
+        self.assertIn("no longer knows the goal", raw.client.get_failure())
         raw.status((goal, ACTIVE))
         raw.result(goal)
         self.assertEqual((LOST, None, [(LOST, None)]), (raw.client.get_state(), raw.client.get_result(), raw.done), raw)
@@ -459,6 +461,7 @@ class Reports(NodeCase):
         waiting.start()
         raw.eventually(lambda: raw.status() or waited, "an end of the wait", timeout=2 + SLACK)
         self.assertEqual((LOST, [(LOST, None)]), (raw.client.get_state(), raw.done), raw)
+        raw.eventually(lambda: raw.cancels == [goal], "a cancel, in case the server is only asleep")
 
     def test_goal_that_got_lost_is_sent_again_as_it_was_though_its_message_has_changed(self, place):
         """ros/actionlib #46"""
