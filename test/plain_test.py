@@ -11,6 +11,9 @@ class TestPlain(ServerCase):
 
     script = "plain_action_server.py"
 
+    def wait_asked_to_stop(self, goal_id):
+        self.probe.wait(lambda: PREEMPTING in self.probe.states.get(goal_id, []), "%s asked to stop" % goal_id)
+
     def test_bowl_each_second_then_all_of_them(self):
         self.finish(self.wash(3, 1), 3)
 
@@ -20,7 +23,7 @@ class TestPlain(ServerCase):
     def test_cancel_waits_for_the_end_of_the_second(self):
         goal_id = self.wash(5, 2)
         self.probe.cancel(goal_id)
-        self.probe.wait(lambda: PREEMPTING in self.probe.states[goal_id], "the goal asked to stop")
+        self.wait_asked_to_stop(goal_id)
         self.clock.turn(0.75, self.probe)
         self.assertNotIn(goal_id, self.probe.results)
         self.clock.turn(0.25)
@@ -39,7 +42,7 @@ class TestPlain(ServerCase):
     def test_cancel_in_the_last_second_is_ignored(self):
         goal_id = self.wash(1, 1)
         self.probe.cancel(goal_id)
-        self.probe.wait(lambda: PREEMPTING in self.probe.states[goal_id], "the goal asked to stop")
+        self.wait_asked_to_stop(goal_id)
         self.clock.turn(1)
         self.probe.check_ending(goal_id, SUCCEEDED, bowls(1))
 
