@@ -5,8 +5,8 @@ from concurrent.futures import Future
 
 import rospy
 
-from action_probe import PENDING, ACTIVE, PREEMPTING, SUCCEEDED, Probe, bowls
-from processes import Group
+from action_probe import PENDING, ACTIVE, PREEMPTING, SUCCEEDED, Probe
+from processes import Group, bowls, check_client, printed_bowls  # noqa: F401  # the tests find all here
 from simulated_clock import SimulatedClock
 
 # s that a bound of the contract is exceeded by at most, because the clock here runs while a loaded machine starts
@@ -129,19 +129,6 @@ def concurrently(place, at_once=4):
             setattr(case, name, outcome(name))
         return case
     return decorate
-
-
-def printed_bowls(client):
-    """Returns the bowls (list of str) that a client (Process) printed as feedback, and those of its result or None."""
-    feedback, _, result = client.stdout.partition("The result is: ")
-    named = [line.split('"')[1] for line in feedback.splitlines() if "last_dish_washed" in line]
-    return named, [line[4:] for line in result.splitlines() if line.startswith("  - ")] if result else None
-
-
-def check_client(client, status, count):
-    """Wait for the end of a client (Process): exit status (int), and count bowls as feedback and as its result."""
-    assert client.wait(60) == status, "expected exit status %d of %s" % (status, client)
-    assert printed_bowls(client) == (bowls(count), bowls(count)), "expected %d bowls of %s" % (count, client)
 
 
 def check_partial(client, at_least):

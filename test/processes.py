@@ -116,6 +116,34 @@ class Process:
             + ["  %7.3f s %s: %s" % line for line in list(self.lines)])
 
 
+def run(*command, timeout=120, status=0, **env):
+    """Run a command (str …) to its end. Returns what it said on stdout; AssertionError if its status is another."""
+    process = Process(list(command), env)
+    try:
+        assert process.wait(timeout) == status, "expected exit status %d of %s" % (status, process)
+    finally:
+        process.stop()
+    return process.stdout
+
+
+def bowls(count):
+    """The bowls that count seconds of washing name."""
+    return ["bowl-%d" % i for i in range(count)]
+
+
+def printed_bowls(client):
+    """Returns the bowls (list of str) that a client (Process) printed as feedback, and those of its result or None."""
+    feedback, _, result = client.stdout.partition("The result is: ")
+    named = [line.split('"')[1] for line in feedback.splitlines() if "last_dish_washed" in line]
+    return named, [line[4:] for line in result.splitlines() if line.startswith("  - ")] if result else None
+
+
+def check_client(client, status, count, timeout=60):
+    """Wait for the end of a client (Process): exit status (int), and count bowls as feedback and as its result."""
+    assert client.wait(timeout) == status, "expected exit status %d of %s" % (status, client)
+    assert printed_bowls(client) == (bowls(count), bowls(count)), "expected %d bowls of %s" % (count, client)
+
+
 class Group:
     """Processes that end together, at the end of a with statement at the latest; env: added to their environment."""
 
