@@ -1,0 +1,119 @@
+"""Clients that are not this package's: C++, rostopic, rosbag and axclient.py."""
+import os
+import re
+
+import pytest
+
+from processes import bowls, eventually, run
+
+HERE = os.path.dirname(os.path.realpath(__file__))
+# axclient.py: its window's size, the parts' place in it, pixels from the top or, negative, from the bottom; its colours
+WIDTH, HEIGHT = 420, 480
+GOAL, FEEDBACK, RESULT, SEND, STATUS, LINK = 60, 190, 320, -85, -25, -8
+SUCCEEDED, CONNECTED = (38, 250, 253), (192, 252, 253)
+
+
+def subscribed(master, topic, count):
+    """Wait until topic has count subscribers."""
+    eventually(lambda: len(dict(master.api.getSystemState()[1]).get(topic, [])) == count,
+               "%d subscribers of %s" % (count, topic), *master.processes)
+
+
+def listen(master, what):
+    """Start rostopic echo on one of the action's topics (str). -> Process that is subscribed"""
+    echo = master.start("rostopic", "echo", "/wash_dishes_as/" + what, PYTHONUNBUFFERED="1")
+    subscribed(master, "/wash_dishes_as/" + what, 1)
+    return echo
+
+
+def send(master, goal):
+    run("rostopic", "pub", "--once", "/wash_dishes_as/goal", "actions_tutorial/WashTheDishesActionGoal", goal,
+        **master.env)
+
+
+def check_results(result, *counts):
+    """result (Process) has shown this many results, each SUCCEEDED, with so many bowls, and no other."""
+    eventually(lambda: result.stdout.count("\n---\n") >= len(counts), "%d results" % len(counts), result)
+    assert re.findall(r"^  status: (\d+)", result.stdout, re.M) == ["3"] * len(counts), result
+    assert re.findall(r"bowl-\d+", result.stdout) == [bowl for count in counts for bowl in bowls(count)], result
+
+
+@pytest.fixture
+def served(workspace, master):
+    """A master with our server on it."""
+    master.node("action_server.py")
+    subscribed(master, "/wash_dishes_as/cancel", 1)  # its last topic
+    return master
+
+
+@pytest.fixture(scope="module")
+def cpp_client(workspace):
+    for arguments in ["-S", os.path.join(HERE, "cpp_client"), "-B", workspace / "cpp"], ["--build", workspace / "cpp"]:
+        run("cmake", *map(str, arguments))
+    return str(workspace / "cpp" / "cpp_client")
+
+
+@pytest.mark.needs("cmake")
+@pytest.mark.parametrize("arguments, ending", [(["2"], "SUCCEEDED"), (["60", "2"], "PREEMPTED")])
+def test_cpp_client_gets_feedback_and_result_also_of_a_goal_that_it_cancels(cpp_client, served, arguments, ending):
+    assert run(cpp_client, *arguments, **served.env) == (
+        "feedback bowl-0\nfeedback bowl-1\n%s bowl-0 bowl-1\n" % ending)
+
+
+def test_rostopic_pub(served):
+    result = listen(served, "result")
+    send(served, "{goal: {number_of_minutes: 2}}")
+    check_results(result, 2)
+
+
+def test_rosbag_replays_the_goal_and_the_same_bowls_are_washed_again(served):
+    bag = os.path.join(served.home, "goal.bag")
+    record = served.start("rosbag", "record", "-O", bag, "/wash_dishes_as/goal", "__name:=recorder")
+    subscribed(served, "/wash_dishes_as/goal", 2)  # the server and the recorder
+    result = listen(served, "result")
+    send(served, "{goal_id: {id: supper}, goal: {number_of_minutes: 2}}")
+    check_results(result, 2)
+    run("rosnode", "kill", "/recorder", **served.env)
+    record.wait()
+    assert re.search(r"messages: +1\n", run("rosbag", "info", bag))
+    # The goal comes back with its id, and actionlib takes no id that its status topic still lists, 5 s or so.
+    eventually(lambda: "status_list: []" in run(
+        "rostopic", "echo", "-n", "1", "/wash_dishes_as/status", **served.env), "an empty status list")
+    run("rosbag", "play", "--wait-for-subscribers", bag, **served.env)
+    check_results(result, 2, 2)
+
+
+@pytest.mark.needs("Xvfb", "xdotool", "xclip")
+def test_axclient(served, tmp_path):
+    """Its picture at the end, as in doc/gui.md, is in axclient.png below --basetemp."""
+    grab = pytest.importorskip("PIL.ImageGrab").grab
+    screen = served.start("Xvfb", "-displayfd", "1", "-screen", "0", "%dx%dx24" % (WIDTH, HEIGHT), "-nolisten", "tcp")
+    display = {"DISPLAY": ":" + screen.expect(r"^(\d+)$").group(1)}
+    gui = served.start("rosrun", "actionlib_tools", "axclient.py", "/wash_dishes_as", **display)
+    feedback = listen(served, "feedback")
+    window = run("xdotool", "search", "--sync", "--onlyvisible", "--name", "GUI Client", **display).split()[0]
+    run("xdotool", "windowsize", "--sync", window, str(WIDTH), str(HEIGHT), **display)
+
+    def mouse_click(y, *keys):
+        """Click at y pixels (from the bottom if negative), then press keys."""
+        run("xdotool", "mousemove", "--window", window, str(WIDTH // 2), str(y % HEIGHT), "click", "1", **display)
+        if keys:
+            run("xdotool", *keys, **display)
+
+    def shows(y, colour):
+        picture = grab(xdisplay=display["DISPLAY"])
+        return picture.getpixel((WIDTH - 10, y % HEIGHT)) == colour and picture
+
+    def text_of_box(y):
+        mouse_click(y, "key", "ctrl+a", "key", "ctrl+c", "key", "End")
+        return run("xclip", "-o", "-selection", "clipboard", **display).strip()
+
+    eventually(lambda: shows(LINK, CONNECTED), "axclient connected", gui)
+    mouse_click(GOAL, "key", "ctrl+a", "type", "number_of_minutes: 3")
+    eventually(lambda: text_of_box(GOAL) == "number_of_minutes: 3", "the goal in its box")
+    mouse_click(SEND)
+    feedback.expect("bowl-2")
+    eventually(lambda: shows(STATUS, SUCCEEDED), "axclient says SUCCEEDED", gui)
+    eventually(lambda: re.findall(r"bowl-\d+", text_of_box(RESULT)) == bowls(3), "the three bowls in the result's box")
+    assert "bowl-2" in text_of_box(FEEDBACK)
+    shows(STATUS, SUCCEEDED).save(str(tmp_path / "axclient.png"), optimize=True)
