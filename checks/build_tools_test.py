@@ -43,11 +43,11 @@ def terminal(request, path, tmp_path_factory):
     for command in commands:
         more = FOREIGN if path and command == commands[0] else ""
         build = Process([*TERMINAL, path, "", *(command + " " + more).split()], cwd=str(folder))
-        assert build.wait(300) == 0, build
+        assert build.wait(300) == 0, str(build)
         # Not ours: line 4 of catkin's own CMakeLists.txt, which newer CMakes find too old; nor what setuptools says, in
         # forms of its own, of setup.py install, which is how catkin installs a Python module.
         said = (build.stdout + build.stderr).replace("Warning at CMakeLists.txt:4 (cmake_minimum_required)", "")
-        assert not re.search("CMake (Deprecation )?Warning|WARNING|: warning:", said), build
+        assert not re.search("CMake (Deprecation )?Warning|WARNING|: warning:", said), str(build)
     for other in set(os.listdir(str(folder))) - {space} if space != "devel" else ():
         run("rm", "-rf", str(folder / other))
     yield [*TERMINAL, path, str(folder / space / "setup.bash")]
@@ -59,7 +59,7 @@ def test_rosrun_of_server_and_client(terminal, master):
     check_client(master.start(*terminal, "rosrun", "actions_tutorial", "action_client.py", "_number_of_minutes:=1"),
                  0, 1)
     server.signal(15)
-    assert server.wait() == 0, server
+    assert server.wait() == 0, str(server)
 
 
 def test_roslaunch(terminal, master):

@@ -34,8 +34,8 @@ def send(master, goal):
 def check_results(result, *counts):
     """result (Process) has shown this many results, each SUCCEEDED, with so many bowls, and no other."""
     eventually(lambda: result.stdout.count("\n---\n") >= len(counts), "%d results" % len(counts), result)
-    assert re.findall(r"^  status: (\d+)", result.stdout, re.M) == ["3"] * len(counts), result
-    assert re.findall(r"bowl-\d+", result.stdout) == [bowl for count in counts for bowl in bowls(count)], result
+    assert re.findall(r"^  status: (\d+)", result.stdout, re.M) == ["3"] * len(counts), str(result)
+    assert re.findall(r"bowl-\d+", result.stdout) == [bowl for count in counts for bowl in bowls(count)], str(result)
 
 
 @pytest.fixture
