@@ -1,19 +1,71 @@
 #!/usr/bin/python3
-"""The soak's short form; tools/soak without arguments is the long one."""
-import os
+"""Goals of mixed length and ending through one server, under fast simulated time: no ending lost, nothing piles up.
+
+The long one: ./tutorial shell rostest --text actions_tutorial soak.test goals:=10000
+"""
+import random
+import time
 import unittest
 
+import rospy
 import rostest
 
-from processes import PACKAGE, Process
+from action_probe import ABORTED, PREEMPTED, RECALLED, SUCCEEDED
+from cases import Scene
+from processes import bowls
+from simulated_clock import SimulatedClock
+
+GROWTH = 1.05  # of the resident memory, from the end of the first part to the end of the last one
+PART = 1000  # goals
+ENDINGS = {"wait": {SUCCEEDED}, "refuse": {ABORTED}, "newer at once": {PREEMPTED, RECALLED}}  # the others PREEMPTED
+
+
+def one_goal(scene, choose):
+    """Send a goal, and end it in one of the ways there are; sometimes by a newer goal, which is then one more.
+
+    Returns how many were sent. AssertionError if an ending is missing or wrong.
+    """
+    way = choose.choice(["wait", "wait", "refuse", "cancel", "cancel all", "newer", "newer at once"])
+    minutes = {"wait": choose.randrange(0, 5), "refuse": -choose.randrange(1, 100)}.get(way, 1000000)
+    goal_id = scene.send(minutes)
+    if way in ("cancel", "cancel all", "newer"):
+        scene.wait_bowls(goal_id, 1)
+    if way.startswith("cancel"):
+        scene.cancel(goal_id if way == "cancel" else "")
+    newer = scene.send(1) if way.startswith("newer") else None
+    result = scene.wait_result(goal_id)
+    washed = minutes if way == "wait" else len(result.result.dishes_washed)
+    assert result.status.status in ENDINGS.get(way, {PREEMPTED}), "'%s' of %d minutes:\n%s" % (way, minutes, result)
+    scene.check_ending(goal_id, result.status.status, bowls(washed))
+    if newer:
+        scene.check_ending(newer, SUCCEEDED, bowls(1))
+    return 2 if newer else 1
 
 
 class Soak(unittest.TestCase):
-    def test_short_soak(self):
-        soak = Process([os.path.join(PACKAGE, "tools", "soak"), "--goals", "300"])
-        self.addCleanup(soak.stop)
-        self.assertEqual(soak.wait(120), 0, soak)
-        self.assertIn("passed", soak.stdout, soak)
+
+    def test_no_ending_is_lost_and_nothing_piles_up(self):
+        rospy.init_node("soak")
+        goals, choose = rospy.get_param("~goals"), random.Random(rospy.get_param("~seed", 1))
+        part, taken, sent, counted, begun = min(PART, goals // 3), [], 0, 0, time.monotonic()
+        clock = SimulatedClock()
+        self.addCleanup(clock.stop)
+        with Scene("/soak") as scene:
+            server = scene.server()
+            clock.run(0.5, 0.002)
+            while sent < goals:
+                sent += one_goal(scene, choose)
+                if sent >= part * (len(taken) + 1) or sent >= goals:
+                    self.assertEqual([len(results) for results in scene.results.values()], [1] * (sent - counted),
+                                     "one result for each goal: %s" % scene)
+                    usage, counted = server.usage, sent
+                    taken.append((usage.memory_info().rss // 1024, usage.num_threads(), usage.num_fds()))
+                    print("%6d goals, %4.0f s: %d KiB resident, %d threads, %d open files" % (
+                        (sent, time.monotonic() - begun) + taken[-1]), flush=True)
+                    scene.forget()
+        (first, *counts), (last, *counts_last) = taken[0], taken[-1]
+        self.assertLessEqual(last, first * GROWTH, "KiB resident at the end, after one part, of %s" % taken)
+        self.assertEqual(counts_last, counts, "threads and open files at the end, after one part, of %s" % taken)
 
 
 if __name__ == "__main__":
