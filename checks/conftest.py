@@ -12,6 +12,11 @@ sys.path.insert(0, os.path.join(ROOT, "test"))
 from processes import Group, Master, Process, run  # noqa: E402
 
 
+def pytest_addoption(parser):
+    parser.addoption("--runs", type=int, default=0, help="how often repeated_test.py runs all tests")
+    parser.addoption("--busy", type=int, default=0, help="how many processes keep the cores busy meanwhile")
+
+
 def pytest_configure():
     # Whoever stops us, also in the background: fixtures end what they have begun.
     for number in signal.SIGINT, signal.SIGTERM, signal.SIGHUP:
