@@ -1,15 +1,21 @@
-"""What the checks stand on: a workspace, a network of two computers; and what they need, or are skipped."""
+"""What the checks stand on: a workspace, two computers, bare machines; and what they need, or are skipped."""
+import contextlib
 import json
 import os
+import pathlib
+import random
+import shlex
 import shutil
 import signal
+import subprocess
 import sys
 
+import psutil
 import pytest
 
 ROOT = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
 sys.path.insert(0, os.path.join(ROOT, "test"))
-from processes import Group, Master, Process, run  # noqa: E402
+from processes import Group, Master, Process, eventually, run  # noqa: E402
 
 
 def pytest_addoption(parser):
@@ -101,3 +107,131 @@ def network(tmp_path_factory):
         for computer in made:
             computer.stop()
             run("ip", "netns", "del", computer.namespace)
+
+
+@pytest.fixture(scope="session")
+def debian(tmp_path_factory):
+    """Makes the bare system of a suite (str), once. -> pathlib.Path"""
+    made = {}
+
+    def make(suite):
+        if suite not in made:
+            folder = made[suite] = tmp_path_factory.mktemp(suite)
+            debootstrap = Process(["debootstrap", "--variant=minbase", suite, str(folder)])
+            status = debootstrap.wait(900)
+            if "Failed getting release file" in debootstrap.stdout + debootstrap.stderr:
+                pytest.skip("this needs %s, which Debian's servers do not have (any more)" % suite)
+            assert status == 0, str(debootstrap)
+            folder.chmod(0o755)
+            shutil.copy("/etc/resolv.conf", str(folder / "etc"))
+            # A mirror may keep an index for longer than it is meant to last.
+            (folder / "etc/apt/apt.conf.d/stored").write_text('Acquire::Check-Valid-Until "false";\n')
+        return made[suite]
+
+    yield make
+    for folder in made.values():
+        shutil.rmtree(str(folder))
+
+
+def on_terminal(*command):
+    """Returns the command (str …) that runs this one on a terminal of its own."""
+    return ["script", "-qefc", "exec " + " ".join(map(shlex.quote, command)), "/dev/null"]
+
+
+class Machine(Group):
+    """A bare Debian, a copy of what the fixture debian made: a chroot on a tmpfs in namespaces of its own, which the
+    kernel takes away, with processes, mounts and files, however we end.
+
+    path: its files, for us; tutorial: where it has ours; user: whose commands it runs, root or learner; env: for them.
+    """
+
+    def __init__(self, base, user="root", checkout="/srv/actions_tutorial"):
+        super().__init__()
+        self.user, self.tutorial, self.network = user, checkout + "/tutorial", []
+        # Who loses its parent in there is given to sleep, which does not wait for it: let the kernel do that.
+        namespaces = super().start("setpriv", "--pdeathsig", "KILL", "unshare", "--mount", "--pid", "--fork",
+                                   "--kill-child", "env", "--ignore-signal=CHLD", "sleep", "infinity")
+        self.init = eventually(lambda: [child.pid for child in namespaces.usage.children() if child.name() == "sleep"],
+                               "a machine", namespaces)[0]
+        self.path = pathlib.Path("/proc/%d/root/mnt" % self.init)
+        self.enter = ["nsenter", "--mount", "--pid", "--target", str(self.init)]
+        # A limit, not what it takes; rosbag warns below 5 GB.
+        for command in ("mount -t tmpfs -o size=16G,mode=755 tmpfs /mnt", "cp -a %s/. /mnt" % base,
+                        "mount -t proc proc /mnt/proc", "mount --rbind --make-rslave /dev /mnt/dev"):
+            run(*self.enter, *command.split())
+        # The network is the host's, where others may have a master.
+        self.env = dict(ROS_MASTER_URI="http://localhost:%d" % random.randrange(20000, 30000), ROS_HOSTNAME="localhost")
+        # An ordinary user, with another python3 in front.
+        self.run("useradd", "--create-home", "--shell", "/bin/bash", "learner", user="root")
+        python = self.path / "home/learner/python/bin/python3"
+        python.parent.mkdir(parents=True)
+        python.write_text("#!/bin/sh\nexit 99\n")
+        python.chmod(0o755)
+        self.put_checkout(self.path / checkout[1:])
+
+    def put_checkout(self, folder):
+        """Copy what git has or would add; only root may write there."""
+        names = run("git", "-c", "safe.directory=*", "-C", ROOT, "ls-files", "--cached", "--others",
+                    "--exclude-standard").splitlines()
+        for name in filter(lambda name: os.path.exists(os.path.join(ROOT, name)), names):
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(os.path.join(ROOT, name), str(folder / name))
+        run("chmod", "-R", "go-w", str(folder))
+
+    def start(self, *command, user=None, terminal=False, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, **env):
+        """Start a command (str …), with nothing of our environment but env. -> Process, nsenter's"""
+        learner = (user or self.user) == "learner"
+        home, first = ("/home/learner", "/home/learner/python/bin:") if learner else ("/root", "/usr/sbin:/sbin:")
+        words = ["chroot", "/mnt"] + learner * ["setpriv", "--reuid=learner", "--regid=learner", "--init-groups"]
+        words += ["env", "-i", "HOME=" + home, "LANG=C.UTF-8", "PATH=%s/usr/bin:/bin" % first]
+        words += ["%s=%s" % pair for pair in dict(self.env, **env).items() if pair[1] is not None] + list(command)
+        return super().start(*self.enter, *self.network, *(on_terminal(*words) if terminal else words),
+                             stdin=stdin, stderr=stderr)
+
+    def run(self, *command, status=0, timeout=900, **options):
+        """Run a command to its end. -> Process; AssertionError if its status is another."""
+        process = self.start(*command, **options)
+        assert process.wait(timeout) == status, "expected exit status %d of %s" % (status, process)
+        return process
+
+    def let_sudo(self, how="NOPASSWD: ALL"):
+        """Let learner use sudo, which is installed if need be."""
+        if not (self.path / "usr/bin/sudo").exists():
+            self.run("sh", "-c", "apt-get update && apt-get install -y --no-install-recommends sudo", user="root")
+        (self.path / "etc/sudoers.d/learner").write_text("learner ALL=(ALL) %s\n" % how)
+
+    @contextlib.contextmanager
+    def offline(self):
+        """With no network but its loopback."""
+        self.network = ["unshare", "--net", "sh", "-c", 'ip link set lo up && exec "$@"', "-"]
+        yield
+        self.network = []
+
+    @contextlib.contextmanager
+    def changed(self, file, text=None):
+        """With another text in the file (str), or without the file."""
+        path = self.path / file.lstrip("/")
+        was = path.with_name(path.name + ".was")
+        path.rename(was)
+        if text is not None:
+            path.write_text(text)
+            shutil.copymode(str(was), str(path))
+        try:
+            yield
+        finally:
+            was.replace(path)
+
+    def all(self):
+        """Its processes (set of psutil.Process), but for zombies, which have no command line."""
+        def inside(process):
+            try:
+                return process.cmdline() and os.readlink("/proc/%d/ns/pid" % process.pid) == namespace
+            except (OSError, psutil.Error):
+                return False
+
+        namespace = os.readlink("/proc/%d/ns/pid" % self.init)
+        return set(filter(inside, psutil.process_iter()))
+
+    def __str__(self):
+        return "in the machine there are now:\n" + "\n".join(
+            "  %d %s" % (process.pid, " ".join(process.cmdline())) for process in self.all())

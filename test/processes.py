@@ -79,6 +79,11 @@ class Process:
         """Whether the process has ended and all that it said is in lines."""
         return not self.running() and not any(reader.is_alive() for reader in self._readers)
 
+    def type(self, keys):
+        """Write keys (str) to its stdin, which popen has made a pipe."""
+        self._popen.stdin.write(keys)
+        self._popen.stdin.flush()
+
     def signal(self, number):
         """Send a signal to the process alone, as kill(1) does."""
         self._popen.send_signal(number)
@@ -150,9 +155,9 @@ class Group:
     def __init__(self, **env):
         self.env, self.processes = env, []
 
-    def start(self, *command, stdout=subprocess.PIPE, **env):
+    def start(self, *command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **env):
         """Start a command (str …). -> Process"""
-        self.processes.append(Process(list(command), dict(self.env, **env), stdout=stdout))
+        self.processes.append(Process(list(command), dict(self.env, **env), stdin=stdin, stdout=stdout, stderr=stderr))
         return self.processes[-1]
 
     def node(self, name, *arguments, **options):

@@ -1,0 +1,275 @@
+"""Each way in which ./tutorial can fail or be interrupted, on a bare machine that is thrown away.
+
+A user may call it at any time: each check finds the machine as the one before has left it.
+"""
+import contextlib
+import re
+import subprocess
+
+import pytest
+
+from conftest import Machine
+from processes import eventually, printed_bowls, bowls
+
+pytestmark = pytest.mark.needs("root", "debootstrap", "ip", "nsenter")
+CHECKOUT, WORKSPACE = "/srv/actions_tutorial", "/home/learner/workspace"
+INSTALL, BUILD = WORKSPACE + "/log/apt-install.log", WORKSPACE + "/log/build.log"
+ROOTS = dict(user="root", TUTORIAL_WS="/root/ws")
+
+
+@pytest.fixture(scope="module")
+def machine(debian):
+    with Machine(debian("bookworm"), "learner", CHECKOUT) as machine:
+        # It looks like a system that nobody has tried: what counts is what apt knows.
+        (machine.path / "usr/lib/os-release").write_text('ID=ubuntu\nVERSION_ID="24.04"\n')
+        machine.env["TUTORIAL_WS"] = WORKSPACE
+        yield machine
+
+
+@pytest.fixture(scope="module")
+def sudo(machine):
+    machine.let_sudo()
+
+
+@pytest.fixture
+def ready(machine, sudo):
+    machine.run(machine.tutorial, "shell", "true")
+
+
+@pytest.fixture(scope="module")
+def copy(machine):
+    """Another checkout."""
+    machine.put_checkout(machine.path / "srv/copy")
+    return "/srv/copy"
+
+
+def fails(machine, words, *command, tutorial=None, **options):
+    """It fails, and one line on stderr says why."""
+    process = machine.start(tutorial or machine.tutorial, *(command or ["demo"]), **options)
+    assert process.wait(600) > 0, "expected a failure of %s" % process
+    assert re.search(words, process.stderr) and process.stderr.count("\n") == 1, "expected /%s/ of %s" % (
+        words, process)
+
+
+def interrupted(machine, how, words, *command, log=None, grace=2, tutorial=None, **options):
+    """Run a command on a terminal until it says words, or a log (str) does; then Ctrl-C is pressed, the terminal closed,
+    a signal sent to it, or all of it killed. It must end with a status that says so and leave nothing behind."""
+    before = machine.all()
+    path = machine.path / (log or "none")[1:]
+    if log and path.exists():
+        path.unlink()
+    process = machine.start(tutorial or machine.tutorial, *command, terminal=True, stdin=subprocess.PIPE, **options)
+    if log:
+        eventually(lambda: path.exists() and re.search(words, path.read_text(errors="replace"), re.M),
+                   "/%s/ in %s" % (words, log), process, timeout=120)
+    else:
+        process.expect(words, 120)
+    script = process.usage.children()[0]
+    if how == "Ctrl-C":
+        process.type("\003")
+    elif how == "closed":
+        script.kill()
+    elif how == "TERM":
+        script.children()[0].terminate()
+    else:
+        for one in machine.all() - before:
+            with contextlib.suppress(Exception):  # it went with another one
+                one.kill()
+    status = process.wait(60)
+    print(process)  # shown with a failure
+    assert status < 0 or status > 128
+    eventually(lambda: machine.all() <= before, "nothing left of %s" % before, machine, timeout=grace)
+
+
+def test_no_command_names_them_and_an_unknown_one_fails(machine):
+    assert "tutorial demo" in machine.run(machine.tutorial).stdout
+    machine.run(machine.tutorial, "wash", status=2)
+
+
+@pytest.mark.parametrize("words, command, options", [
+    pytest.param(words, command.split(), options, id=name) for name, words, command, options in [
+        ("no master", "'local:1', must be like http", "demo", dict(ROS_MASTER_URI="local:1")),
+        ("no sudo", "no sudo to install .*apt-get install", "demo", {}),
+        ("a space", "set TUTORIAL_WS", "demo", dict(ROOTS, TUTORIAL_WS="/root/a ws")),
+        ("not to be written", "set TUTORIAL_WS", "demo", dict(ROOTS, TUTORIAL_WS="/proc/workspace")),
+        ("somebody else's, demo", "set TUTORIAL_WS", "demo", dict(ROOTS, TUTORIAL_WS="/home")),
+        ("somebody else's, clean", "not a folder that", "clean", dict(ROOTS, TUTORIAL_WS="/home")),
+        ("no such test", "no test/nosuch.test", "test nosuch", {})]])
+def test_what_is_missing_or_wrong_is_named(machine, words, command, options):
+    fails(machine, words, *command, **options)
+
+
+def test_no_network(machine):
+    with machine.offline():
+        fails(machine, "connect this machine to the network", **ROOTS)
+
+
+def test_an_apt_that_knows_no_ros(machine):
+    (machine.path / "srv/empty").mkdir()
+    (machine.path / "srv/empty/Packages").touch()
+    with machine.changed("/etc/apt/sources.list", "deb [trusted=yes] file:/srv/empty ./\n"):
+        fails(machine, "not know .*catkin.* container.*docker run .*%s.* debian:12 .*tutorial demo" % CHECKOUT, **ROOTS)
+
+
+def test_no_apt(machine):
+    with machine.changed("/usr/bin/apt-get"):
+        fails(machine, "no apt-get .*docker run", **ROOTS)
+
+
+def test_sudo_that_asks_for_a_password(machine):
+    machine.let_sudo("ALL")
+    fails(machine, "asks for a password")
+    machine.let_sudo()
+
+
+def test_no_network_with_the_lists_of_packages_there(machine, sudo):
+    with machine.offline():
+        fails(machine, "connect this machine to the network")
+
+
+@pytest.mark.parametrize("ros", ["noetic", "one"])
+def test_a_ros_1_in_opt_is_taken_by_its_names(machine, sudo, ros):
+    for name, version, python in ("humble", 2, 3), ("melodic", 1, 2), (ros, 1, 3):
+        (machine.path / "opt/ros" / name).mkdir(parents=True)
+        (machine.path / "opt/ros" / name / "setup.bash").write_text(
+            "export ROS_VERSION=%d ROS_PYTHON_VERSION=%d\n" % (version, python))
+    fails(machine, "does not know ros-%s-actionlib " % ros)
+    machine.run("rm", "-r", "/opt/ros", user="root")
+
+
+@pytest.mark.parametrize("how, words", [
+    ("Ctrl-C", "reading the list"), ("Ctrl-C", "^Get:"), ("TERM", "^Get:.*boost"), ("Power cut", "^Unpacking"),
+    ("Ctrl-C", "^Unpacking"), ("Power cut", "^Setting up"), ("closed", "^Setting up")])
+def test_interrupted_while_it_installs(machine, sudo, how, words):
+    # apt lets dpkg finish when its terminal is closed, and we do not see when it has.
+    interrupted(machine, how, words, "demo", log="^" in words and INSTALL,
+                grace=120 if how == "closed" else 2)
+
+
+def test_the_next_call_after_that_works(machine, sudo):
+    machine.run(machine.tutorial, "demo", "number_of_minutes:=1")
+
+
+def test_interrupted_before_it_builds(machine, ready):
+    (machine.path / WORKSPACE[1:] / "built").unlink()
+    interrupted(machine, "Ctrl-C", "building in", "demo")
+
+
+@pytest.mark.parametrize("how", ["Ctrl-C", "TERM", "closed"])
+def test_interrupted_while_it_builds_washes_and_tests_and_the_next_call_works(machine, ready, how):
+    (machine.path / WORKSPACE[1:] / "built").unlink()
+    interrupted(machine, how, "Generating", "demo", log=BUILD)
+    interrupted(machine, how, "bowl-1", "demo")
+    interrupted(machine, how, r"passed\]", "test", "goal", "preempt")
+    machine.run(machine.tutorial, "demo", "number_of_minutes:=1")
+
+
+def test_two_at_once(machine, ready):
+    (machine.path / WORKSPACE[1:] / "built").unlink()
+    other = machine.start(machine.tutorial, "shell", "true")
+    machine.run(machine.tutorial, "shell", "true")
+    assert other.wait(60) == 0, str(other)
+
+
+def test_what_runs_is_named_before_clean_or_a_new_build_takes_it_away(machine, ready):
+    sleep = machine.start(machine.tutorial, "shell", "echo begun; exec sleep 1000")
+    shell = machine.start(machine.tutorial, "shell", terminal=True, stdin=subprocess.PIPE)
+    shell.type("echo begun\n")
+    for process in sleep, shell:
+        process.expect("^begun", 60)
+    all_of_it = r"'sleep 1000' .process \d+., './tutorial shell' .process \d+.; .*exit in each shell"
+    fails(machine, "cannot clean .*: " + all_of_it, "clean")
+    with machine.changed(WORKSPACE + "/built"):
+        fails(machine, "cannot build anew .*: " + all_of_it)
+    machine.run(machine.tutorial, "shell", "true")  # which needs no new build
+    for process in sleep, shell:
+        process.stop()
+    eventually(lambda: len(machine.all()) == 1, "an end of all of it", machine)
+
+
+def demo(machine, status, *arguments):
+    """Run the demo to its end. -> Process whose stdout is all that came"""
+    return machine.run(machine.tutorial, "demo", *arguments, status=status, stderr=subprocess.STDOUT)
+
+
+# The server may say last that the goal has ended.
+@pytest.mark.parametrize("argument, status, among, words", [
+    ("number_of_minutes:=-3", 1, 2, "ABORTED.*number_of_minutes is -3, must be 0 or more"),
+    ("number_of_minutes:=x", 2, 2, "number_of_minutes is 'x', must be .*from the launch$"),
+    ("minutes:=3", 2, 1, "minutes:=3 .*number_of_minutes:=7")])
+def test_the_demos_last_words_say_why_it_failed(machine, ready, argument, status, among, words):
+    said = demo(machine, status, argument).stdout
+    assert re.search(words, "\n".join(said.splitlines()[-among:]), re.M), said
+
+
+def test_the_demo_ends_with_seven_bowls(machine, ready):
+    said = demo(machine, 0)
+    assert printed_bowls(said)[1] == bowls(7) and "  - bowl-6" in said.stdout.splitlines()[-2:], str(said)
+
+
+def test_a_launch_that_fails(machine, ready):
+    with machine.changed(CHECKOUT + "/launch/wash_the_dishes.launch"):
+        assert "is neither a launch file" in demo(machine, 1).stdout.splitlines()[-1]
+
+
+def test_a_node_that_does_not_come_up(machine, ready):
+    with machine.changed(CHECKOUT + "/scripts/action_server.py", "#!/usr/bin/python3\nraise SystemExit('no water')\n"):
+        assert re.search("^no water$", demo(machine, 1).stdout, re.M)
+
+
+@pytest.mark.parametrize("uri, hostname", [
+    ("http://127.0.0.1:11311", "localhost\n"), ("http://localhost:11311/", "localhost\n"),
+    ("http://[::1]:11311", "localhost\n"), ("http://192.0.2.1:11311", None)])
+def test_only_with_a_master_elsewhere_a_node_is_to_be_reached(machine, ready, uri, hostname):
+    options = dict(ROS_MASTER_URI=uri, ROS_HOSTNAME=None, status=0 if hostname else 1)
+    assert machine.run(machine.tutorial, "shell", "printenv", "ROS_HOSTNAME", **options).stdout == (hostname or "")
+
+
+def test_a_second_call_builds_anew_only_with_another_genpy(machine, ready):
+    status = (machine.path / "var/lib/dpkg/status").read_text()
+    newer = re.sub(r"(?ms)^(Package: python3-genpy$.*?^Version: \S+)", r"\1.1", status)
+    with machine.changed("/var/lib/dpkg/status", newer):
+        assert "building in" in machine.run(machine.tutorial, "shell", "true").stderr
+    machine.run(machine.tutorial, "shell", "true")
+    assert not re.search("building|installing", machine.run(machine.tutorial, "shell", "true").stderr)
+
+
+def test_clean_that_cannot_remove(machine):
+    machine.run("install", "-D", "/dev/null", "/srv/fixed/workspace/.actions_tutorial", user="root")
+    machine.run("chown", "-R", "learner", "/srv/fixed/workspace", user="root")
+    fails(machine, "not all .* is removed: .*Permission denied", "clean", TUTORIAL_WS="/srv/fixed/workspace")
+
+
+@pytest.mark.parametrize("file, right, wrong, words", [
+    ("CMakeLists.txt", r"\Z", 'message(FATAL_ERROR "broken")\n', "broken"),
+    ("CMakeLists.txt", "FILES Wash", "FILES Washed", "action/WashedTheDishes.action' does not exist"),
+    ("action/WashTheDishes.action", "int32", "int33", r"Cannot locate message .int33."),
+    ("action/WashTheDishes.action", "---\n", "", "action/WashTheDishes.action: wrong number of pieces"),
+    ("package.xml", "<depend>", "<depend", "package.xml.* not well-formed")])
+def test_a_build_that_fails_names_the_mistake(machine, ready, copy, file, right, wrong, words):
+    text = (machine.path / copy[1:] / file).read_text()
+    with machine.changed("%s/%s" % (copy, file), re.sub(right, wrong, text, 1)):
+        fails(machine, "^tutorial: the build failed: .*%s.* .more in " % words, tutorial=copy + "/tutorial", **ROOTS)
+
+
+def test_a_build_that_is_deaf(machine, ready, copy):
+    text = (machine.path / copy[1:] / "CMakeLists.txt").read_text()
+    deaf = "execute_process(COMMAND sh -c \"trap '' INT TERM; echo deaf; sleep 1000\")\n"
+    with machine.changed(copy + "/CMakeLists.txt", text + deaf):
+        interrupted(machine, "Ctrl-C", "deaf", "demo", log="/root/deaf/log/build.log", tutorial=copy + "/tutorial",
+                    user="root", TUTORIAL_WS="/root/deaf")
+
+
+def test_a_build_that_is_mended_by_sh_tutorial(machine, ready, copy):
+    machine.run("sh", copy + "/tutorial", "demo", "number_of_minutes:=1", **ROOTS)
+
+
+def test_a_checkout_that_was_renamed(machine, ready):
+    machine.put_checkout(machine.path / "srv/before")
+    options = dict(user="root", TUTORIAL_WS=None)
+    machine.run("/srv/before/tutorial", "shell", "true", **options)
+    machine.run("mv", "/srv/before", "/srv/after", user="root")
+    machine.run("/srv/after/tutorial", "shell", "true", **options)
+    # What stands on its old workspace finds the nodes.
+    machine.run("bash", "-c", """for setup in ~/.cache/actions_tutorial/*/devel/setup.bash; do
+        (source $setup && python3 -c 'from actions_tutorial import robust') || exit; done""", **options)
