@@ -52,8 +52,8 @@ def fails(machine, words, *command, tutorial=None, **options):
 
 
 def interrupted(machine, how, words, *command, log=None, grace=2, tutorial=None, **options):
-    """Run a command on a terminal until it says words, or a log (str) does; then Ctrl-C is pressed, the terminal closed,
-    a signal sent to it, or all of it killed. It must end with a status that says so and leave nothing behind."""
+    """Run a command on a terminal until it says words, or a log (str) does; then Ctrl-C is pressed, it is closed,
+    it gets a signal, or is killed. It must end with a status that says so and leave nothing behind."""
     before = machine.all()
     path = machine.path / (log or "none")[1:]
     if log and path.exists():

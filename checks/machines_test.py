@@ -1,0 +1,117 @@
+"""A bare Debian needs nothing but its base system for ./tutorial, which keeps every promise, as root and with sudo."""
+import hashlib
+import os
+import re
+import subprocess
+
+import pytest
+
+from conftest import ROOT, Machine
+from processes import Process, check_client, run
+
+pytestmark = pytest.mark.needs("root", "debootstrap", "ip", "nsenter", "ss")
+
+
+@pytest.fixture(scope="module", ids="-".join, params=[
+    ("bookworm", "root"), ("bookworm", "learner"), ("trixie", "root"), ("trixie", "learner"), ("bullseye", "root"),
+    ("sid", "root")])
+def machine(request, debian):
+    suite, user = request.param
+    checkout = "/srv" if user == "root" else "/home/learner/my tutorials"
+    with Machine(debian(suite), user, checkout + "/actions_tutorial") as machine:
+        if user == "learner":
+            machine.let_sudo()
+        yield machine
+
+
+def megabytes(machine):
+    return int(run("du", "-s", "--one-file-system", "--block-size=MB", str(machine.path)).split("MB")[0])
+
+
+def others_files(machine):
+    """Everything where packages put nothing. -> {path: checksum}"""
+    return {os.path.join(folder, name): hashlib.sha256(open(os.path.join(folder, name), "rb").read()).digest()
+            for top in "home opt root srv tmp var/tmp".split() for folder, _, names in os.walk(str(machine.path / top))
+            for name in names if os.path.isfile(os.path.join(folder, name))}
+
+
+@pytest.fixture(scope="module")
+def before(machine):
+    return others_files(machine), megabytes(machine)
+
+
+@pytest.fixture(scope="module")
+def demo(machine, before):
+    """The first call. -> Process"""
+    demo = machine.start(machine.tutorial, "demo", stderr=subprocess.STDOUT)
+    demo.wait(900)
+    demo.added = megabytes(machine) - before[1]
+    print(demo)
+    return demo
+
+
+@pytest.fixture(scope="module")
+def offline(machine, demo):
+    """A later call, without network, apt-get and cmake. -> Process"""
+    with machine.changed("/usr/bin/apt-get"), machine.changed("/usr/bin/cmake"), machine.offline():
+        demo = machine.start(machine.tutorial, "demo", stderr=subprocess.STDOUT)
+        demo.expect("bowl-2")
+        inside = demo.usage.children()[0].pid
+        demo.ports = Process(["nsenter", "--net", "--target", str(inside), "ss", "-ltnpH"])
+        demo.ports.wait()
+        demo.wait()
+    print(demo, demo.ports, sep="\n")
+    return demo
+
+
+def first_bowl(demo):
+    return next(second for second, _, line in demo.lines if "Feedback received" in line)
+
+
+def test_the_demo_washes_seven_bowls_one_a_second(demo):
+    check_client(demo, 0, 7)
+    seconds = [second for second, _, line in demo.lines if "Feedback received" in line]
+    assert all(0.7 < after - before < 1.3 for before, after in zip(seconds, seconds[1:])), str(demo)
+
+
+def test_it_takes_three_minutes_at_most_and_is_never_silent_for_ten_seconds(demo):
+    seconds = [0] + [second for second, _, _ in demo.lines]
+    assert first_bowl(demo) < 180
+    assert max(after - before for before, after in zip(seconds, seconds[1:])) < 10, str(demo)
+
+
+def test_it_adds_less_than_1200_megabytes(demo):
+    assert 0 < demo.added < 1200
+
+
+def test_the_next_call_installs_and_builds_nothing(machine, demo):
+    assert machine.run(machine.tutorial, "shell", "true").lines == []
+
+
+def test_all_tests_pass(machine, demo):
+    # Root types the pages, too.
+    names = [] if machine.user == "root" else sorted(
+        name for name in os.listdir(os.path.join(ROOT, "test")) if name.endswith(".test"))
+    tests = machine.run(machine.tutorial, "test", *names, timeout=1500)
+    assert re.fullmatch("[1-9][0-9]* passed, 0 failed", tests.stdout.splitlines()[-1]), str(tests)
+
+
+def test_the_demo_without_network_apt_and_cmake_washes_seven_bowls_within_ten_seconds(offline):
+    check_client(offline, 0, 7)
+    assert first_bowl(offline) < 10
+
+
+def test_it_says_little_and_the_bowls_last(offline):
+    assert len(offline.lines) <= 20 and "\x1b[31m" not in offline.stdout
+    assert any("- bowl-6" in line for _, _, line in offline.lines[-2:])
+
+
+def test_it_listens_on_loopback_only(offline):
+    # rosout, which is not ours, does not.
+    ports = [line.split() for line in offline.ports.stdout.splitlines() if '"rosout"' not in line]
+    assert len(ports) >= 4 and all(re.match(r"127\.0\.0\.1:|\[::1\]:", port[3]) for port in ports)
+
+
+def test_clean_leaves_nothing_but_the_packages(machine, before, demo):
+    machine.run(machine.tutorial, "clean")
+    assert others_files(machine) == before[0]
