@@ -9,7 +9,7 @@ import rostest
 
 from processes import PACKAGE, Process
 
-BENCHMARK = os.path.join(PACKAGE, "tools", "benchmark", "run.py")
+BENCHMARK = os.path.join(PACKAGE, "benchmark", "run.py")
 FIGURES = """
     cancel_result_median cancel_result_p99 newer_active_median newer_active_p99 goal_feedback_median goal_feedback_p99
     bowl_error_p99 drift idle_cpu memory cpu_bowl_small cpu_bowl_middle cpu_bowl_large goals_a_second goals_paused start

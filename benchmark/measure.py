@@ -18,7 +18,7 @@ import time
 import rospy
 
 HERE = os.path.dirname(os.path.realpath(__file__))
-sys.path.insert(0, os.path.join(HERE, "..", "..", "test"))
+sys.path.insert(0, os.path.join(HERE, "..", "test"))
 from action_probe import ACTIVE, Probe  # noqa: E402
 from processes import PACKAGE, eventually  # noqa: E402
 from simulated_clock import SimulatedClock  # noqa: E402
