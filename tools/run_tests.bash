@@ -17,7 +17,7 @@ run_tests() {
     catkin_test_results "$WS/build/test_results" | tail -n 1 >> "$log"
     if ((!$#)); then
         say 'typing the pages …'
-        run type_readme || status=1
+        run type_pages || status=1
     fi
     count_tests "$status"
 }
@@ -33,14 +33,11 @@ make_tests() {
     return "$status"
 }
 
-# Each section of the page counts as a test.
-type_readme() {
-    local name status=0
-    for name in readme_checks readme_walk; do
-        "$CHECKOUT/tools/$name" 2>&1 | to_the_end tee -a "$log" |
-            to_the_end sed -u '/^[0-9]* passed, /d; s/^/    /' >&3 || status=1
-    done
-    return "$status"
+# Each section of a page counts as a test.
+type_pages() {
+    local told='s/^checks\/[a-z_]*\.py::(.* (PASSED|FAILED|ERROR|SKIPPED)).*/    \1/p; s/^E  /    /p'
+    /usr/bin/python3 -m pytest "$CHECKOUT"/checks -k pages_test 2>&1 | to_the_end tee -a "$log" |
+        to_the_end sed -nuE "$told" >&3
 }
 
 # count_tests STATUS: says the last line; succeeds if STATUS is 0, some tests ran and all passed.
@@ -48,7 +45,10 @@ count_tests() {
     local passed failed
     read -r passed failed <<< "$(awk '
         /^Summary: / { passed += $2 - $4 - $6 - $8; failed += $4 + $6 }
-        /^[0-9]+ passed, [0-9]+ failed$/ { passed += $1; failed += $3 }
+        /^=+ .* in [0-9.]+s/ { for (i = 2; i < NF; i++) {
+            if ($(i + 1) ~ /^passed/) passed += $i
+            if ($(i + 1) ~ /^(failed|error)/) failed += $i
+        } }
         END { print passed + 0, failed + 0 }' "$log")"
     if (($1 && !failed)); then failed=1; fi # a step that broke off without a count
     if ((failed || !passed)); then say "all that was said is in $log"; fi

@@ -1,28 +1,28 @@
-#!/usr/bin/python3
 """Types the tutorial: walks each page from top to bottom, in real terminals, and compares what comes with what the page
-shows. Usage: tools/readme_walk [PAGE …], by default README.md and doc/*.md
+shows.
 
 In a ```console block, `# Terminal N` names the terminal of what follows; `# By hand` marks the little that is not run.
 `$ ` begins a command, `^C` is Ctrl-C, TAB and BACKSPACE are keys; the other lines are output, in which … stands for
 anything within a line and, alone on a line, for any lines. Output that the page does not show is a difference, too.
 A block of another kind below "Save this … `~/FILE`:" is saved; below "Change … `~/FILE`:" it is a diff, with … between
 two places. Each page has a home and a master of its own, and begins with a bare shell in each terminal.
-Prints a line for each section; exit status 0 if all is as shown.
 """
 import codecs
 import difflib
 import os
 import re
 import select
-import signal
+import shutil
 import socket
-import sys
-import tempfile
 import time
 
 import pexpect
+import pytest
 
-ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+from conftest import ROOT
+
+PAGES = ["README.md"] + sorted(
+    os.path.join("doc", name) for name in os.listdir(os.path.join(ROOT, "doc")) if name.endswith(".md"))
 LIMIT = 60  # s to wait for what the page shows, many times what it takes
 PROMPT = "README> "
 # Not the page's: what Debian 11's ROS, which is older than its Python, says whenever it ends; what rospy's tools say
@@ -30,10 +30,6 @@ PROMPT = "README> "
 NOISE = re.compile(r"(Error in atexit._run_exitfuncs:\n)?Traceback .*\n(  .*\n)+AttributeError: .* 'isAlive'\n"
                    r"|\[WARN\] .*: Inbound TCP/IP connection failed: .*\n")
 KEYS = {"TAB": "\t", "BACKSPACE": "\x7f"}
-
-
-class Difference(Exception):
-    """The page does not show what came."""
 
 
 class Step:
@@ -59,14 +55,16 @@ class Edit:
             for place in self.text.split("…\n"):
                 old, new = ("".join(re.findall("(?m)^[ %s](.*\n)" % sign, place)) for sign in "-+")
                 if text.count(old) != 1:
-                    raise Difference("%s has not once:\n%s" % (self.file, old))
+                    raise AssertionError("%s has not once:\n%s" % (self.file, old))
                 text = text.replace(old, new)
         with open(path, "w", encoding="utf-8") as file:
             file.write(text)
 
 
-def steps_of(lines):
-    """Returns the steps (list of Step and Edit) of a page (list of str)."""
+def steps_of(page):
+    """Returns the steps (list of Step and Edit) of a page (str)."""
+    with open(os.path.join(ROOT, page), encoding="utf-8") as file:
+        lines = file.read().splitlines()
     steps, section, fence, above = [], "", None, ""
     for number, line in enumerate(lines, 1):
         line = line.rstrip()
@@ -83,7 +81,7 @@ def steps_of(lines):
         elif fence == "console" and re.match("# (Terminals? |By hand)", line):
             terminals, block = re.findall(r"\b\d\b", line.split(":")[0]), []
         elif fence == "console" and terminals is None:
-            raise Difference("line %d: neither `# Terminal N` nor `# By hand` begins this block" % number)
+            raise AssertionError("line %d: neither `# Terminal N` nor `# By hand` begins this block" % number)
         elif fence == "console" and terminals:
             typed = line if re.match(r"\$ |\^C|(TAB|BACKSPACE)\b", line) else None
             if typed or not block:
@@ -104,24 +102,21 @@ def pattern_of(line):
 
 
 class Terminal:
-    """A real terminal with a shell in it. All are read together, lest one fills up while we look at another."""
-    all = {}
+    """A real terminal with a shell in it, one of all (dict): they are read together, lest one fills up while we look at
+    another."""
 
-    def __init__(self, name, environment):
+    def __init__(self, everyone, environment):
         # Dumb and wide: readline then shows a command on one line, whatever its length.
-        # What runs in the background ignores Ctrl-C, and so would all that it starts: rosbag fails in that case.
-        self.shell = pexpect.spawn("/bin/bash", cwd=ROOT, env=environment, dimensions=(50, 1000),
-                                   preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
+        self.shell = pexpect.spawn("/bin/bash", cwd=ROOT, env=environment, dimensions=(50, 1000))
         self.decoder = codecs.getincrementaldecoder("utf-8")(errors="replace")
         self.tail = self.text = ""  # what came and was not looked at yet
-        self.last, self.any_more = None, False
-        Terminal.all[name] = self
+        self.last, self.any_more, self.all = None, False, everyone
 
     def wait(self, happened, limit=LIMIT):
         """Read all terminals until happened(), at most limit s. Returns whether it has."""
         end = time.monotonic() + limit
         while not happened():
-            terminals = {t.shell.fileno(): t for t in Terminal.all.values() if not t.shell.closed}
+            terminals = {t.shell.fileno(): t for t in self.all.values() if not t.shell.closed}
             ready = select.select(list(terminals), [], [], max(0.0, end - time.monotonic()))[0]
             if not ready:
                 return False
@@ -144,7 +139,7 @@ class Terminal:
         self.text = NOISE.sub("", self.text.replace("(actions_tutorial) " + PROMPT, PROMPT))
 
     def walk(self, step):
-        """Type what the step types and wait for what it shows. Raises Difference."""
+        """Type what the step types and wait for what it shows. AssertionError if it does not come."""
         if step.typed.startswith("$ "):
             self.finish()
             self.text = self.text[self.text.index(PROMPT) + len(PROMPT):]
@@ -158,7 +153,7 @@ class Terminal:
             self.shell.send(keys + ("" if completes else "\n"))
         if typed and not completes and not typed.startswith("^C"):
             if not self.wait(lambda: "\n" in self.text):
-                raise Difference("line %d: no echo of what was typed" % step.number)
+                raise AssertionError("line %d: no echo of what was typed" % step.number)
             self.text = self.text[self.text.index("\n") + 1:]
 
         lines = [line for _, line in step.shown]
@@ -182,21 +177,21 @@ class Terminal:
     def finish(self):
         """Wait for the end of the last command, and that no more came than the page shows."""
         if not self.wait(lambda: PROMPT in self.text):
-            raise Difference("line %d: %s has not ended" % (self.last.number, self.last.typed))
+            raise AssertionError("line %d: %s has not ended" % (self.last.number, self.last.typed))
         rest = self.text[:self.text.index(PROMPT)]
         if rest.strip() and not self.any_more:
             self.differs(None, rest)
         self.any_more = False
 
     def differs(self, step, came):
-        """Raises Difference with the lines shown and those that came, and the number of the first that differs."""
+        """AssertionError with the lines shown and those that came, and the number of the first that differs."""
         came = came.split(PROMPT)[0].rstrip().splitlines()
         shown = [line for _, line in step.shown] if step else []
         patterns = [(re.compile(pattern_of(line)), line) for line in shown if line != "…"]
         came = [next((line for pattern, line in patterns if pattern.fullmatch(got + "\n")), got) for got in came]
         difference = [line for line in difflib.ndiff(shown, came) if line[0] in "-+ " and line != "- …"]
         numbers = [number for number, line in step.shown if "- " + line in difference] if step else []
-        raise Difference("line %d, in terminal %s (- is on the page, + came within %d s):\n  %s" % (
+        raise AssertionError("line %d, in terminal %s (- is on the page, + came within %d s):\n  %s" % (
             numbers[0] if numbers else self.last.number, self.last.terminal, LIMIT, "\n  ".join(difference)))
 
     def close(self):
@@ -228,43 +223,56 @@ def make_home(home):
     return environment
 
 
-def walk(page, begun):
-    """Walk one page (str), and print a line for each section. Returns how many passed and how many failed."""
-    with open(os.path.join(ROOT, page), encoding="utf-8") as file:
-        steps = steps_of(file.read().splitlines())
-    passed = 0
-    with tempfile.TemporaryDirectory() as home:
-        environment = make_home(home)
-        try:
-            for step, following in zip(steps, steps[1:] + [None]):
-                if isinstance(step, Edit):
-                    step.do(home)
-                else:
-                    if step.terminal not in Terminal.all:
-                        Terminal(step.terminal, environment)
-                    Terminal.all[step.terminal].walk(step)
-                if not following or following.section != step.section:
-                    passed += 1
-                    print("PASS %s: %s (%.0f s so far)" % (page, step.section, time.monotonic() - begun), flush=True)
-        except Difference as difference:
-            print("FAIL %s: %s: %s, %s" % (page, step.section, page, difference))
-            return passed, 1
-        finally:
-            for terminal in reversed(list(Terminal.all.values())):
-                terminal.close()
-            Terminal.all.clear()
-    return passed, 0
+class Walk:
+    """A page (str) with a home and terminals of its own, typed as far as it was asked for."""
+
+    def __init__(self, page, home):
+        self.steps, self.home, self.terminals, self.failed = steps_of(page), home, {}, None
+        self.environment = make_home(home)
+
+    def to_the_end_of(self, section):
+        last = max(number for number, step in enumerate(self.steps) if step.section == section)
+        todo, self.steps = self.steps[:last + 1], self.steps[last + 1:]
+        for step in todo:
+            if isinstance(step, Edit):
+                step.do(self.home)
+            else:
+                if step.terminal not in self.terminals:
+                    self.terminals[step.terminal] = Terminal(self.terminals, self.environment)
+                self.terminals[step.terminal].walk(step)
+
+    def close(self):
+        for terminal in reversed(list(self.terminals.values())):
+            terminal.close()
+        shutil.rmtree(self.home)
 
 
-def main(*pages):
-    """Returns the exit status."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    pages = pages or ["README.md"] + sorted("doc/" + name for name in os.listdir(ROOT + "/doc") if name.endswith(".md"))
-    begun = time.monotonic()
-    passed, failed = map(sum, zip(*[walk(page, begun) for page in pages]))
-    print("%d passed, %d failed" % (passed, failed))
-    return 1 if failed or not passed else 0
+@pytest.fixture(scope="module")
+def walk_of(tmp_path_factory):
+    """The walk of a page (str), the same until another page's begins. -> Walk"""
+    walks = {}
+
+    def walk_of(page):
+        if page not in walks:
+            close()
+            walks[page] = Walk(page, str(tmp_path_factory.mktemp("home")))
+        return walks[page]
+
+    def close():
+        while walks:
+            walks.popitem()[1].close()
+
+    yield walk_of
+    close()
 
 
-if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))
+@pytest.mark.parametrize("page, section", [
+    pytest.param(page, section, id="%s: %s" % (page, section)) for page in PAGES
+    for section in dict.fromkeys(step.section for step in steps_of(page))])
+def test_what_comes_is_what_the_page_shows(walk_of, page, section):
+    walk = walk_of(page)
+    if walk.failed:
+        pytest.skip("this needs %s to be as shown" % walk.failed)
+    walk.failed = section
+    walk.to_the_end_of(section)
+    walk.failed = None

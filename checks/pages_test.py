@@ -1,0 +1,126 @@
+"""What the pages say, without typing it: the links and quoted code of each; README.md's length, parameters, states and
+pictures; CONTRIBUTING.md's layout.
+
+A block of code is quoted from the file that is linked last above it, … standing for lines left out; typed_pages_test.py
+tries the blocks that a reader saves.
+"""
+import difflib
+import json
+import os
+import re
+import subprocess
+
+import pytest
+
+from conftest import ROOT
+from processes import run
+from typed_pages_test import PAGES
+
+WORDS = 3000  # 15 minutes of reading
+PARSE = """
+const {JSDOM} = require('jsdom');
+global.window = new JSDOM('').window; for (const name of ['document', 'Option']) global[name] = window[name];
+import(require.resolve('mermaid').replace(/[^/]*$/, 'mermaid.core.mjs')).then(async ({default: mermaid}) => {
+  for (const text of JSON.parse(require('fs').readFileSync(0))) await mermaid.parse(text);
+}).catch(error => { console.error(String(error)); process.exit(1); });
+"""
+
+
+def text_of(page):
+    with open(os.path.join(ROOT, page), encoding="utf-8") as file:
+        return file.read()
+
+
+def blocks_of(page):
+    """Yields line number, language, last non-empty line above, and text of each fenced block."""
+    for match in re.finditer(r"^```(\w+)\n(.*?)^```$", page, re.M | re.S):
+        above = page[:match.start()].rstrip().rsplit("\n", 1)[-1]
+        yield page.count("\n", 0, match.start()) + 1, match.group(1), above, match.group(2)
+
+
+def without_indent(text):
+    return re.sub("(?m)^ +", "", text)
+
+
+@pytest.mark.parametrize("page", PAGES + ["CONTRIBUTING.md"])
+def test_links(page):
+    """A link within the page leads to a heading, by GitHub's rules; one to a file leads to a file."""
+    page, folder = text_of(page), os.path.join(ROOT, os.path.dirname(page))
+    text = re.sub(r"^```.*?^```$", "", page, flags=re.M | re.S)
+    anchors = set()
+    for heading in re.findall(r"^#+ (.*)$", text, re.M):
+        anchors.add(re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-"))
+    for label, target in re.findall(r"\[([^]]*)\]\(([^)\s]+)\)", text):
+        if target.startswith("#"):
+            assert target[1:] in anchors, "no heading for [%s](%s)" % (label, target)
+        elif ":" not in target:
+            assert os.path.exists(os.path.join(folder, target.split("#")[0])), "no file for [%s](%s)" % (label, target)
+    for alternative, _ in re.findall(r"!\[([^]]*)\]\(([^)]*)\)", text):
+        assert len(alternative) > 20, "a picture without alternative text"
+
+
+@pytest.mark.parametrize("page", PAGES + ["CONTRIBUTING.md"])
+def test_quotes(page):
+    """Quoted code is in the file that it comes from, word for word in this order; a diff is the whole difference."""
+    page, folder = text_of(page), os.path.join(ROOT, os.path.dirname(page))
+    for number, language, above, text in blocks_of(page):
+        files = re.findall(r"\]\(([\w/.]+)\)", above)
+        if language in ("console", "mermaid") or re.search(r"\*\*Layout|(Save this|Change) .*`~/.*`:$", above):
+            continue
+        assert files, "line %d: quoted from no file" % number
+        if language == "diff":
+            old, new = (open(os.path.join(folder, file), encoding="utf-8").readlines() for file in files[-2:])
+            whole = [line for line in difflib.unified_diff(old, new, n=0) if re.match("[-+](?!--|\\+\\+)", line)]
+            assert whole == [line for line in text.splitlines(True) if line[0] in "-+"], \
+                "line %d: the difference is\n%s" % (number, "".join(whole))
+            continue
+        whole = without_indent(open(os.path.join(folder, files[-1]), encoding="utf-8").read())
+        pattern = "^.*?^".join(map(re.escape, re.split("(?m)^…\n", without_indent(text))))
+        assert re.search("(?ms)^" + pattern, whole), "line %d: this is not in %s:\n%s" % (number, files[-1], text)
+
+
+def test_length():
+    """Words that a reader sees, so without the source of pictures."""
+    words = len(re.sub(r"(?ms)^```mermaid.*?^```$|<!--.*?-->", "", text_of("README.md")).split())
+    assert words <= WORDS
+
+
+def test_layout():
+    """The layout shown is that of the repository's root: names, two spaces, what they are."""
+    if not os.path.isdir(os.path.join(ROOT, ".git")):
+        pytest.skip("this needs a git repository")
+    tracked = run("git", "-c", "safe.directory=*", "-C", ROOT, "ls-files").splitlines()
+    real = {re.sub("/.*", "/", name) for name in tracked if not name.startswith(".")}
+    text = next(text for _, _, above, text in blocks_of(text_of("CONTRIBUTING.md")) if "**Layout**" in above)
+    assert set(" ".join(re.findall(r"^(.*?)  ", text, re.M)).split()) == real
+
+
+def test_parameters():
+    """Each parameter of the client is on the page, with its default, and no other."""
+    page = text_of("README.md")
+    usage = run(os.path.join(ROOT, "tutorial"), "shell", os.path.join(ROOT, "scripts", "action_client.py"), "--help")
+    real = {name: float(default) for name, default in re.findall(r"~(\w+).*\(default (\S+)\)", usage)}
+    shown = {name: float(default) for name, default in re.findall(r"^\| `~(\w+)` \| [^|]* \| (\S+) \|", page, re.M)}
+    assert shown == real
+    ours = page.partition("## Make it yours")[0]
+    named = {one or other for one, other in re.findall(r"~(\w+_\w+)|(?<!\w)_([a-z]\w*):=", ours)}
+    assert named <= set(real)
+
+
+def test_states():
+    """The numbers of the states are those of actionlib_msgs/GoalStatus."""
+    shown = re.findall(r"\b(\d) ([A-Z]+)", re.search(r"numbers in `status`: (.*)", text_of("README.md")).group(1))
+    real = run(os.path.join(ROOT, "tutorial"), "shell", "rosmsg", "show", "actionlib_msgs/GoalStatus")
+    assert sorted(shown) == sorted((number, name) for name, number in re.findall(r"uint8 ([A-Z]+)=(\d)", real))
+
+
+def test_pictures():
+    """Each mermaid picture parses."""
+    texts = [text for _, language, _, text in blocks_of(text_of("README.md")) if language == "mermaid"]
+    assert len(texts) >= 3
+    found = subprocess.run(["sh", "-c", "node -e 'require.resolve(\"jsdom\"); require.resolve(\"mermaid\")'"],
+                           stderr=subprocess.DEVNULL)
+    if found.returncode:
+        pytest.skip("this needs node, and in NODE_PATH mermaid and jsdom")
+    parsed = subprocess.run(["node", "-e", PARSE], input=json.dumps(texts), stderr=subprocess.PIPE, text=True)
+    assert parsed.returncode == 0, parsed.stderr
