@@ -1,0 +1,64 @@
+"""The line that ./tutorial has for every other system, with podman and an image of debootstrap's in place of docker and
+debian:12; a second terminal there, and a file that is looked for in a second container."""
+import os
+import re
+import resource
+import shutil
+import subprocess
+
+import pytest
+
+from conftest import ROOT, on_terminal
+from processes import Group, Process, bowls, printed_bowls, run
+
+pytestmark = pytest.mark.needs("root", "debootstrap", "podman", "runc", "script")
+# Works in a container, too: there is no cgroup to be had, no network, and no limit above ours.
+CONTAINERS = """[containers]
+netns = "host"
+default_ulimits = ["nofile=%d:%d", "nproc=1000:1000"]
+[engine]
+runtime = "runc"
+cgroup_manager = "cgroupfs"
+"""
+STORAGE = """[storage]
+driver = "vfs"
+graphroot = "%s/images"
+runroot = "%s/run"
+"""
+
+
+@pytest.fixture
+def podman(debian, tmp_path):
+    """Processes that find the image "bare"."""
+    files = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
+    (tmp_path / "containers.conf").write_text(CONTAINERS % (files, files))
+    (tmp_path / "storage.conf").write_text(STORAGE % (tmp_path, tmp_path))
+    with Group(CONTAINERS_CONF=str(tmp_path / "containers.conf"),
+               CONTAINERS_STORAGE_CONF=str(tmp_path / "storage.conf")) as group:
+        try:
+            image = Process(["sh", "-c", 'tar -C "$0" --create . | podman import - bare && podman run --rm bare true',
+                             str(debian("bookworm"))], group.env)
+            if image.wait(300):
+                pytest.skip("this needs containers: %s" % image.stderr)
+            yield group
+        finally:
+            run("podman", "rm", "--force", "--all", **group.env)
+            shutil.rmtree(str(tmp_path))
+
+
+def test_the_demo_and_a_second_terminal_in_a_container_whose_home_outlives_it(podman):
+    with open(os.path.join(ROOT, "tutorial"), encoding="utf-8") as file:
+        line = re.search("^docker (run .*) debian:12 (.*)$", file.read(), re.M)
+    terminal = podman.start(*on_terminal("sh", "-c", 'cd "$0" && podman %s bare %s' % line.groups(), ROOT),
+                            stdin=subprocess.PIPE)
+    terminal.expect("^  - bowl-6", 600)
+    assert printed_bowls(terminal) == (bowls(7), bowls(7)), str(terminal)
+    terminal.type("echo the shell\n")
+    terminal.expect("^the shell")
+    assert "WashTheDishesGoal" in run("podman", "exec", "dishes", "./tutorial", "shell", "rosmsg list | grep Dishes",
+                                      **podman.env)
+    run("podman", "exec", "dishes", "nano", "--version", **podman.env)
+    run("podman", "exec", "dishes", "sh", "-c", "echo kept > ~/laundry", **podman.env)
+    terminal.type("exit\n")
+    assert terminal.wait(300) == 0, str(terminal)  # podman removes what it has copied
+    assert run("podman", "run", "--rm", "-v", "dishes:/root", "bare", "cat", "/root/laundry", **podman.env) == "kept\n"
