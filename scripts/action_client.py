@@ -6,16 +6,16 @@ Private parameters, set with _NAME:=VALUE:
   ~server_timeout      seconds to wait for the master, and then as long again for the server; 0: for ever (default 0)
   ~heartbeat_timeout   seconds in which no status lists the goal, after which the server counts as lost (default 5)
 
-Exit status: 0 for SUCCEEDED; 1 for any other ending, or no server; 2 for a wrong parameter or argument.
+Exit status: 0 for SUCCEEDED; 1 for any other ending, Ctrl-C, or no server; 2 for a wrong parameter or argument.
 """
 import sys
 
-from actions_tutorial import robust  # first: Ctrl-C while the rest is loaded then leaves no traceback
+from actions_tutorial import robust  # first, or an early Ctrl-C leaves a traceback
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
 import rospy
 
-PARAMETERS = {  # default, lowest and highest value; None: no limit
-    "~number_of_minutes": (7, -2147483648, 2147483647),  # all that an int32 can hold: the server judges it
+PARAMETERS = {  # default, whose type is the parameter's, lowest and highest value; None: no limit
+    "~number_of_minutes": (7, -2147483648, 2147483647),  # all that an int32 can hold: negative ones the server refuses
     "~server_timeout": (0.0, 0.0, None),
     "~heartbeat_timeout": (5.0, 0.1, None),
 }
@@ -44,7 +44,8 @@ def call_server(number_of_minutes, server_timeout, heartbeat_timeout):
 
 def main():
     """Returns the exit status."""
-    # As rospy.init_node; it also checks the parameters, and returns their values in the order of the table.
+    # As rospy.init_node. It also waits for the master, ~server_timeout long, checks the parameters, and returns their
+    # values in the order of the table; what is wrong ends the node here.
     values = robust.init_node("action_client", usage=__doc__, parameters=PARAMETERS)
     result, failure = call_server(*values)
     if result is not None:

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""The action server, mended."""
-from actions_tutorial import robust  # before rospy: Ctrl-C is then quiet
+"""The action server, mended: it stops at once, and ends every goal."""
+from actions_tutorial import robust  # first, or an early Ctrl-C leaves a traceback
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesFeedback, WashTheDishesResult
 import rospy
 
@@ -21,12 +21,12 @@ class ActionServer:
             return self.a_server.set_aborted(text="number_of_minutes is %d, must be 0 or more" % goal.number_of_minutes)
         result = WashTheDishesResult()
         # 1 a second: nothing is really washed, so a minute need not last longer.
-        rate = self.a_server.rate(1)
+        rate = self.a_server.rate(1)  # robust's own: a stop ends its sleep()
         for minute in range(goal.number_of_minutes):
             # A robot's own work goes here, in short steps: during a step nothing can stop the goal.
             result.dishes_washed.append("bowl-%d" % minute)
             self.a_server.publish_feedback(WashTheDishesFeedback(last_dish_washed="bowl-%d" % minute))
-            if not rate.sleep():  # the goal should stop
+            if not rate.sleep():  # a cancel, a newer goal or Ctrl-C
                 return self.a_server.set_preempted(result)
         self.a_server.set_succeeded(result)
 

@@ -63,8 +63,8 @@ def check_arguments(arguments, known):
     for argument in arguments:
         name, assigned, value = argument.partition(":=")
         if not assigned or ":=" in value or not name or not value:
-            raise ValueError("unknown argument %r, must be _NAME:=VALUE with one of the parameters %s, or --help" % (
-                argument, ", ".join(known)))
+            raise ValueError("unknown argument %r, must be --help or set one of the parameters %s, as in _%s:=VALUE" % (
+                argument, ", ".join(known), (known or ["~NAME"])[0][1:]))
         if name[0] == "_" and name[1:2] != "_" and "~" + name[1:] not in known:
             raise ValueError("unknown parameter ~%s, must be one of %s" % (name[1:], ", ".join(known)))
         if "~" + name.lstrip("~/") in known:
