@@ -44,6 +44,7 @@ class StartFaults(unittest.TestCase):
     def test_argument_that_is_none_is_refused(self, master):
         cases = {
             "3": "unknown argument '3'",
+            "_name:=other": "; __name:=VALUE names the node",
             "--number_of_minutes=3": "unknown argument '--number_of_minutes=3'",
             "_number_of_minutes:=1:=2": "unknown argument '_number_of_minutes:=1:=2'",
             "_number_of_minuets:=3": "unknown parameter ~number_of_minuets, must be one of ~number_of_minutes",

@@ -66,7 +66,8 @@ def check_arguments(arguments, known):
             raise ValueError("unknown argument %r, must be --help or set one of the parameters %s, as in _%s:=VALUE" % (
                 argument, ", ".join(known), (known or ["~NAME"])[0][1:]))
         if name[0] == "_" and name[1:2] != "_" and "~" + name[1:] not in known:
-            raise ValueError("unknown parameter ~%s, must be one of %s" % (name[1:], ", ".join(known)))
+            raise ValueError("unknown parameter ~%s, must be one of %s%s" % (
+                name[1:], ", ".join(known), "; __name:=VALUE names the node" if name == "_name" else ""))
         if "~" + name.lstrip("~/") in known:
             raise ValueError("%r renames a topic, must be _%s to set the parameter" % (argument, argument.lstrip("~/")))
 
