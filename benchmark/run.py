@@ -10,7 +10,7 @@ import threading
 import time
 
 try:
-    from actions_tutorial import robust  # noqa: F401  # mends the shutdown of Debian 11's rospy
+    from actions_tutorial import robust
     import rospy
 
     from measure import FULL, QUICK, Benchmark  # and it finds what is in test/
@@ -52,7 +52,7 @@ def measure(args):
     with Master() as master:
         master.start("rosrun", "rosout", "rosout", stdout=subprocess.DEVNULL)  # which takes a part of what is logged
         os.environ.update(master.env)
-        rospy.init_node("benchmark", disable_signals=True)
+        robust.init_node("benchmark", disable_signals=True)  # whose end Debian 11's rospy would not survive
         try:
             benchmark = Benchmark(args.server and os.path.abspath(args.server), plan, master)
             threading.Thread(target=tell_progress, args=(benchmark, begun), daemon=True).start()
