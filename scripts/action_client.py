@@ -4,18 +4,18 @@
 Private parameters, set with _NAME:=VALUE:
   ~number_of_minutes   the goal: how many minutes to wash, one bowl a minute (default 7)
   ~server_timeout      seconds to wait for the master, and then as long again for the server; 0: for ever (default 0)
-  ~heartbeat_timeout   seconds in which no status lists the goal, after which the server counts as lost (default 5)
+  ~heartbeat_timeout   seconds without a status message that lists the goal: then the server counts as lost (default 5)
 
 Exit status: 0 for SUCCEEDED; 1 for any other ending, Ctrl-C, or no server; 2 for a wrong parameter or argument.
 """
 import sys
 
-from actions_tutorial import robust  # first, or an early Ctrl-C leaves a traceback
+from actions_tutorial import robust  # this package's library; first, or an early Ctrl-C leaves a traceback
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
 import rospy
 
-PARAMETERS = {  # default, whose type is the parameter's, lowest and highest value; None: no limit
-    "~number_of_minutes": (7, -2147483648, 2147483647),  # all that an int32 can hold: negative ones the server refuses
+PARAMETERS = {  # (default, lowest, highest); the default also sets the type; None: no limit
+    "~number_of_minutes": (7, -2147483648, 2147483647),  # an int32; below 0, too: see how the server aborts it
     "~server_timeout": (0.0, 0.0, None),
     "~heartbeat_timeout": (5.0, 0.1, None),
 }
@@ -44,8 +44,8 @@ def call_server(number_of_minutes, server_timeout, heartbeat_timeout):
 
 def main():
     """Returns the exit status."""
-    # As rospy.init_node. It also waits for the master, ~server_timeout long, checks the parameters, and returns their
-    # values in the order of the table; what is wrong ends the node here.
+    # As rospy.init_node. It also prints usage for --help, waits ~server_timeout for the master, checks the parameters
+    # and returns their values in the order of the table. It ends the node if one is wrong (2) or no master comes (1).
     values = robust.init_node("action_client", usage=__doc__, parameters=PARAMETERS)
     result, failure = call_server(*values)
     if result is not None:

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""The action server, mended: it stops at once, and ends every goal."""
+"""plain_action_server.py, mended: it stops at once, and ends every goal."""
 from actions_tutorial import robust  # first, or an early Ctrl-C leaves a traceback
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesFeedback, WashTheDishesResult
 import rospy

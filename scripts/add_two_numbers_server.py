@@ -11,7 +11,7 @@ def add_two_numbers(request):
     """Add request.a and request.b (float32). A sum that float32 cannot hold is an error, whose text the caller gets."""
     total = request.a + request.b
     try:
-        struct.pack("<f", total)  # as rospy does with the answer, in words that name no number
+        struct.pack("<f", total)  # as rospy will, whose error names no number
     except OverflowError:
         raise rospy.ServiceException("%g + %g is %g, must be within ±3.4e+38 (float32)" % (request.a, request.b, total))
     return AddTwoNumbersResponse(sum=total)
