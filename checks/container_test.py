@@ -48,9 +48,13 @@ def podman(debian, tmp_path):
 
 def test_the_demo_and_a_second_terminal_in_a_container_whose_home_outlives_it(podman):
     with open(os.path.join(ROOT, "tutorial"), encoding="utf-8") as file:
-        line = re.search("^docker (run .*) debian:12 (.*)$", file.read(), re.M)
-    terminal = podman.start(*on_terminal("sh", "-c", 'cd "$0" && podman %s bare %s' % line.groups(), ROOT),
+        options, command = re.search("^docker (run .*) debian:12 (.*)$", file.read(), re.M).groups()
+
+    def container(command):
+        return podman.start(*on_terminal("sh", "-c", 'cd "$0" && podman %s bare %s' % (options, command), ROOT),
                             stdin=subprocess.PIPE)
+
+    terminal = container(command)
     terminal.expect("^  - bowl-6", 600)
     assert printed_bowls(terminal) == (bowls(7), bowls(7)), str(terminal)
     terminal.type("echo the shell\n")
@@ -61,4 +65,5 @@ def test_the_demo_and_a_second_terminal_in_a_container_whose_home_outlives_it(po
     run("podman", "exec", "dishes", "sh", "-c", "echo kept > ~/laundry", **podman.env)
     terminal.type("exit\n")
     assert terminal.wait(300) == 0, str(terminal)  # podman removes what it has copied
-    assert run("podman", "run", "--rm", "-v", "dishes:/root", "bare", "cat", "/root/laundry", **podman.env) == "kept\n"
+    again = container("sh -c 'cat ~/laundry'")
+    assert again.wait(300) == 0 and again.stdout == "kept\n", str(again)

@@ -14,7 +14,7 @@ from processes import eventually, printed_bowls, bowls
 pytestmark = pytest.mark.needs("root", "debootstrap", "ip", "nsenter")
 CHECKOUT, WORKSPACE = "/srv/actions_tutorial", "/home/learner/workspace"
 INSTALL, BUILD = WORKSPACE + "/log/apt-install.log", WORKSPACE + "/log/build.log"
-ROOTS = dict(user="root", TUTORIAL_WS="/root/ws")
+ROOTS = dict(user="root", TUTORIAL_WS="/srv/ws")
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +90,7 @@ def test_no_command_names_them_and_an_unknown_one_fails(machine):
     pytest.param(words, command.split(), options, id=name) for name, words, command, options in [
         ("no master", "'local:1', must be like http", "demo", dict(ROS_MASTER_URI="local:1")),
         ("no sudo", "no sudo to install .*apt-get install", "demo", {}),
-        ("a space", "set TUTORIAL_WS", "demo", dict(ROOTS, TUTORIAL_WS="/root/a ws")),
+        ("a space", "set TUTORIAL_WS", "demo", dict(ROOTS, TUTORIAL_WS="/srv/a ws")),
         ("not to be written", "set TUTORIAL_WS", "demo", dict(ROOTS, TUTORIAL_WS="/proc/workspace")),
         ("somebody else's, demo", "set TUTORIAL_WS", "demo", dict(ROOTS, TUTORIAL_WS="/home")),
         ("somebody else's, clean", "not a folder that", "clean", dict(ROOTS, TUTORIAL_WS="/home")),
@@ -256,8 +256,8 @@ def test_a_build_that_is_deaf(machine, ready, copy):
     text = (machine.path / copy[1:] / "CMakeLists.txt").read_text()
     deaf = "execute_process(COMMAND sh -c \"trap '' INT TERM; echo deaf; sleep 1000\")\n"
     with machine.changed(copy + "/CMakeLists.txt", text + deaf):
-        interrupted(machine, "Ctrl-C", "deaf", "demo", log="/root/deaf/log/build.log", tutorial=copy + "/tutorial",
-                    user="root", TUTORIAL_WS="/root/deaf")
+        interrupted(machine, "Ctrl-C", "deaf", "demo", log="/srv/deaf/log/build.log", tutorial=copy + "/tutorial",
+                    user="root", TUTORIAL_WS="/srv/deaf")
 
 
 def test_a_build_that_is_mended_by_sh_tutorial(machine, ready, copy):
