@@ -22,7 +22,7 @@ from unittest import mock
 import actionlib
 import rospy
 import rosunit
-from rospy.impl import tcpros_base
+from rospy.impl import registration, tcpros_base
 
 from actions_tutorial import robust
 from actions_tutorial.robust import internals, log, node, peers, rate, server, shutdown
@@ -246,12 +246,68 @@ class Units(unittest.TestCase):
             self.assertFalse(is_there())
             eventually(is_there, "a new answer")
 
-    def test_socket_that_accepts_peers_waits_for_them_whatever_the_default_time_out(self):
-        self.addCleanup(socket.setdefaulttimeout, socket.getdefaulttimeout())
+    def peers_server(self):
+        """Returns rospy's server for peers, a new one, mended; and what connects to it, sends bytes and stays."""
+        def connect(data=b"\0\0\0\0"):
+            peer = socket.create_connection(("localhost", server.port))
+            self.addCleanup(peer.close)
+            peer.sendall(data)
+            return peer
+
+        new = mock.patch.object(tcpros_base, "_tcpros_server", None)
+        new.start()
+        self.addCleanup(new.stop)
         tcpros_base.start_tcpros_server()
+        self.addCleanup(socket.setdefaulttimeout, socket.getdefaulttimeout())
         socket.setdefaulttimeout(60)  # as rospy does when it connects
         peers.serve_all_peers()
-        self.assertTrue(os.get_blocking(tcpros_base.init_tcpros_server().tcp_ros_server.server_sock.fileno()))
+        server = tcpros_base.init_tcpros_server().tcp_ros_server
+        self.addCleanup(server.shutdown)
+        return server, connect
+
+    def test_socket_that_accepts_peers_waits_for_them_whatever_the_default_time_out(self):
+        self.assertTrue(os.get_blocking(self.peers_server()[0].server_sock.fileno()))
+
+    def test_peers_are_accepted_in_their_order(self):
+        server, connect = self.peers_server()
+        came, handle = [], server.inbound_handler
+        server.inbound_handler = lambda peer, address: came.append(address[1]) or handle(peer, address)
+        for _ in range(100):
+            ports = [peer.getsockname()[1] for peer in (connect(), connect(), connect())]
+            eventually(lambda: len(came) == 3, "three peers", pause=0.001)
+            self.assertEqual(ports, came)
+            del came[:]
+
+    def test_peers_are_connected_one_after_the_other_and_wait_for_none_that_has_not_said_what_it_wants(self):
+        server, connect = self.peers_server()
+        inside, most, header = [], [], b"\x0b\0\0\0\x07\0\0\0topic=x"
+
+        def connection_handler(*_):
+            inside.append(1)
+            most.append(len(inside))
+            threading.Event().wait(0.01)
+            inside.pop()
+
+        tcpros_base.init_tcpros_server().topic_connection_handler = connection_handler
+        with mock.patch.object(peers, "ANSWERS_WITHIN", 60):
+            for data in [header[:1], header[:9]] + 20 * [header]:
+                connect(data)
+            eventually(lambda: len(most) == 20, "20 peers connected")
+        self.assertEqual([1] * 20, most)
+
+    def test_node_that_ends_before_its_thread_for_peers_has_begun_ends_without_a_traceback(self):
+        server = self.peers_server()[0]
+        server.shutdown()
+        server.run()
+
+    def test_publishers_of_a_topic_are_those_of_all_lists_that_have_come(self):
+        listener = registration.RegManager(mock.Mock())
+        registration.get_registration_listeners().add_listener(listener)
+        self.addCleanup(registration.get_registration_listeners().listeners.remove, listener)
+        peers.serve_all_peers()
+        for uris in ["uri", "other"], []:
+            listener.publisher_update("topic", uris)
+        self.assertEqual([("topic", ["uri", "other"])], listener.updates)
 
     def test_peer_that_waits_for_another_in_vain_leaves_the_lock_to_that(self):
         once = iter([lambda: connect("topic", "uri")])

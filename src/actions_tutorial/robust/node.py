@@ -153,6 +153,7 @@ def _start(options, ports):
     # rospy 1.15.9 (Debian 11) calls Thread.isAlive on shutdown, which Python 3.9 removed.
     if "isAlive" in rospy.core.signal_shutdown.__code__.co_names and not hasattr(threading.Thread, "isAlive"):
         threading.Thread.isAlive = threading.Thread.is_alive
+    peers.end_quietly()
     _rospy_init_node(*options, True, **ports)
 
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Peers that connect and stay silent, or many at once: the next peer is served all the same."""
-import errno
+import contextlib
+import functools
+import select
 import socket
 import threading
 import time
@@ -10,8 +12,12 @@ from rospy.impl import registration, tcpros_base
 
 from .internals import need
 
-SPEAKS_WITHIN = 10  # s that a peer may take to send its first byte
-ANSWERS_WITHIN = 2  # s that a publisher may take before others of its address are connected to as well
+ACCEPTS_WITHIN = 1  # s that rospy's thread may leave a peer waiting; longer, it reads from one that came before our mend
+SPEAKS_WITHIN = 10  # s that a peer may take to say what it wants
+ANSWERS_WITHIN = 2  # s that a peer may take before others are served as well
+_LARGEST = 2**15  # bytes that are waited for; the kernel keeps more than that for us
+
+_rospy_run = tcpros_base.TCPServer.run
 
 
 class _ListeningSocket(socket.socket):
@@ -22,12 +28,19 @@ class _ListeningSocket(socket.socket):
         while True:
             try:
                 return super().accept()
-            except OSError as error:
+            except OSError:
                 if self.fileno() < 0:
-                    raise SystemExit from None  # closed, because the node ends; so does this thread
-                if error.errno not in (errno.EMFILE, errno.ENFILE):
                     raise
             time.sleep(0.1)
+
+
+def _run(server):
+    """In place of rospy's TCPServer.run, which forgets a shutdown that came before it: then it ends in a traceback."""
+    try:
+        _rospy_run(server)
+    except OSError:
+        if server.server_sock.fileno() >= 0:
+            raise
 
 
 def serve_all_peers():
@@ -36,49 +49,90 @@ def serve_all_peers():
     _connect_once()
 
 
+def end_quietly():
+    """Call it before rospy.init_node."""
+    need("rospy", tcpros_base, "TCPServer")
+    tcpros_base.TCPServer.run = _run
+
+
 def _read_side_by_side():
     """Give each connection a thread. Without it, rospy reads the first bytes of one before it accepts the next: one
     silent peer locks all others out (rospy/impl/tcpros_base.py, TCPServer.run)."""
     need("rospy", tcpros_base, "start_tcpros_server", "init_tcpros_server")
+    end_quietly()
     tcpros_base.start_tcpros_server()
     server = tcpros_base.init_tcpros_server().tcp_ros_server  # the one that is there
-    need("rospy", server, "server_sock", "inbound_handler", "start")
+    need("rospy", server, "server_sock", "inbound_handler", "run")
     if isinstance(server.server_sock, _ListeningSocket):
         return
-    handle = server.inbound_handler
+    handle, turn, came = server.inbound_handler, threading.Lock(), threading.Event()
 
     def wait_and_handle(connection, address):
-        connection.settimeout(SPEAKS_WITHIN)
-        try:
-            speaks = connection.recv(1, socket.MSG_PEEK)
-        except OSError:
-            speaks = False
-        if speaks:
-            connection.settimeout(None)
-            handle(connection, address)
+        if _has_spoken(connection):
+            # In turn: rospy tells the peer that it is connected, and then writes that down. What is published in
+            # between is lost, and threads side by side make that take long (rospy/impl/tcpros_pubsub.py).
+            with _turn(turn):
+                handle(connection, address)
         else:
             connection.close()
 
     def handle_side_by_side(*peer):
+        came.set()
         try:
             threading.Thread(target=wait_and_handle, args=peer, daemon=True).start()
         except RuntimeError:  # out of threads; it would end the one that accepts
             peer[0].close()
 
+    def stand_in():
+        """Accept peers if rospy's thread does not: it may be reading from a silent one. Not both, for then a peer can
+        overtake the one before, which of two connections of a node to a topic is to be dropped."""
+        with contextlib.suppress(OSError, ValueError):  # closed, because the node ends
+            while not came.is_set():
+                select.select([server.server_sock], [], [])
+                if not came.wait(ACCEPTS_WITHIN):
+                    server.run()
+
     server.inbound_handler = handle_side_by_side
     # Not one of our own for the same port: with the time-out of 60 s that rospy makes the default when it connects,
     # neither would block any more, and rospy's thread, about to accept, would end with a BlockingIOError.
     server.server_sock.__class__ = _ListeningSocket
-    server.start()  # one more thread: the other is in rospy's accept(), or reads from a silent peer
+    threading.Thread(target=stand_in, daemon=True).start()
+
+
+def _has_spoken(connection):
+    """Wait until a peer has said what it wants: a length, and so many bytes. Returns False if it does not."""
+    connection.settimeout(SPEAKS_WITHIN)
+    until = time.monotonic() + SPEAKS_WITHIN
+    with contextlib.suppress(OSError):
+        while time.monotonic() < until:
+            said = connection.recv(_LARGEST, socket.MSG_PEEK)
+            if not said:
+                break
+            if 4 < min(4 + int.from_bytes(said[:4], "little"), _LARGEST) <= len(said):
+                connection.settimeout(None)
+                return True
+            time.sleep(0.1)
+    return False
 
 
 def _connect_once():
     need("rospy", registration, "get_registration_listeners")
     for listener in registration.get_registration_listeners().listeners:
-        need("rospy", listener, "handler")
+        need("rospy", listener, "handler", "publisher_update", "updates", "cond")
         need("rospy", listener.handler, "_connect_topic")
         if not isinstance(listener.handler._connect_topic, _OneAtATime):
             listener.handler._connect_topic = _OneAtATime(listener.handler._connect_topic)
+            listener.publisher_update = functools.partial(_update, listener, listener.publisher_update)
+
+
+def _update(listener, update, topic, uris):
+    """Without it, a node that starts beside another may never be connected to it: of two lists of a topic's publishers
+    rospy believes the one that came last, which can be the master's answer to the registration, made before the other
+    was there, after the master's news of the other (rospy/impl/registration.py, RegManager.run)."""
+    with listener.cond:
+        waiting = [uri for name, older in listener.updates if name == topic for uri in older]
+        listener.updates = [one for one in listener.updates if one[0] != topic]
+        update(topic, list(dict.fromkeys(waiting + uris)))
 
 
 class _OneAtATime:
@@ -93,9 +147,16 @@ class _OneAtATime:
     def __call__(self, topic, uri):
         with self._mutex:
             lock = self._locks.setdefault((topic, uri), threading.Lock())
-        mine = lock.acquire(timeout=ANSWERS_WITHIN)  # or the one before hangs, at a peer that is gone
-        try:
+        with _turn(lock):
             return self._connect(topic, uri)
-        finally:
-            if mine:
-                lock.release()
+
+
+@contextlib.contextmanager
+def _turn(lock):
+    """With the lock, or after a while without: whoever has it hangs, at a peer that is gone."""
+    mine = lock.acquire(timeout=ANSWERS_WITHIN)
+    try:
+        yield
+    finally:
+        if mine:
+            lock.release()
