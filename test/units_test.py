@@ -235,6 +235,14 @@ class Units(unittest.TestCase):
             with self.subTest(wrong), self.assertRaisesRegex(ValueError, "^heartbeat_timeout is .*above 0$"):
                 robust.SimpleActionClient("work", None, heartbeat_timeout=wrong)
 
+    def test_client_whose_topics_are_closed_while_it_starts_says_that_it_was_interrupted(self):
+        closed = rospy.ROSException("subscriber has been closed")
+        with mock.patch.object(actionlib.SimpleActionClient, "__init__", side_effect=closed):
+            for shutting_down, words in (False, "subscriber has been closed"), (True, "interrupted"):
+                with mock.patch.object(rospy.core, "_in_shutdown", shutting_down), self.assertRaisesRegex(
+                        rospy.ROSInitException, "^the client of /work cannot start: %s$" % words):
+                    robust.SimpleActionClient("work", None)
+
     def test_answer_of_more_than_a_second_ago_is_asked_for_again(self):
         now, go_on, before = [0], threading.Event(), threading.active_count()
         is_there = node.asking(lambda: go_on.wait(30))

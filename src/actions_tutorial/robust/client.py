@@ -27,7 +27,7 @@ from actionlib.simple_action_client import SimpleGoalState
 from actionlib_msgs.msg import GoalStatus
 
 from . import log, node, peers, shutdown
-from .internals import NO_ANSWER, ask, ask_node, cannot_start, clear, name_of, need
+from .internals import NO_ANSWER, ask, ask_node, cannot_start, clear, name_of, need, why
 from .parameters import get_params
 
 Seconds = Union[genpy.Duration, float]
@@ -61,8 +61,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                         "actionlib_client_sub_queue_size": (-1, None, None)})
             peers.serve_all_peers()
             super().__init__(ns, ActionSpec)
-        except (OSError, ValueError) as error:
-            raise cannot_start("the client of %s cannot start: %s" % (rospy.resolve_name(ns), error)) from error
+        except (OSError, ValueError, rospy.ROSException) as error:  # the last of topics that are closed already
+            raise cannot_start("the client of %s cannot start: %s" % (rospy.resolve_name(ns), why(error))) from error
         self.__set_up(heartbeat_timeout)
 
     def __set_up(self, heartbeat_timeout: float = 5.0) -> None:

@@ -29,6 +29,12 @@ def cannot_start(text):
     return (CannotStart if in_main else rospy.ROSInitException)(text)
 
 
+def why(error):
+    """Returns what to say of an error (Exception) of a start."""
+    need("rospy", rospy.core, "is_shutdown_requested")  # true before is_shutdown(): topics are closed in between
+    return "interrupted" if rospy.core.is_shutdown_requested() else error
+
+
 def need(library, owner, *names):
     """Raises rospy.ROSInitException if owner, a part of library (a key of TESTED), lacks one of names (str): better
     now than as a traceback some time later."""

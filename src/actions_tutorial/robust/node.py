@@ -14,7 +14,7 @@ import rosgraph
 import rospy
 
 from . import log, peers, stdout
-from .internals import CannotStart, cannot_start, is_initialized, need
+from .internals import CannotStart, cannot_start, is_initialized, need, why
 from .parameters import check_arguments, get_params
 from .shutdown import Closer
 
@@ -79,8 +79,7 @@ def init_node(name: str, argv: Optional[List[str]] = None, anonymous: bool = Fal
             closer.give_up()
         if isinstance(error, (CannotStart, ValueError)) or not isinstance(error, Exception):
             raise
-        why = "interrupted" if rospy.is_shutdown() else error
-        raise cannot_start("the node %s cannot start: %s" % (name, why)) from error
+        raise cannot_start("the node %s cannot start: %s" % (name, why(error))) from error
 
 
 def wait_for(what, is_there, timeout=0):
