@@ -13,17 +13,17 @@ import os
 import re
 import select
 import shutil
-import socket
 import time
 
 import pexpect
 import pytest
 
 from conftest import ROOT
+from processes import bound_socket
 
 PAGES = ["README.md"] + sorted(
     os.path.join("doc", name) for name in os.listdir(os.path.join(ROOT, "doc")) if name.endswith(".md"))
-LIMIT = 60  # s to wait for what the page shows, many times what it takes
+LIMIT = 300  # s to wait for what the page shows, many times what it takes; Debian 11 builds GMock, too
 PROMPT = "README> "
 # Not the page's: what Debian 11's ROS, which is older than its Python, says whenever it ends; what rospy's tools say
 # when a peer connects twice, now and then.
@@ -203,11 +203,9 @@ class Terminal:
         self.shell.close()
 
 
-def make_home(home):
-    """Write what a user's shell reads. Returns the environment of a terminal: the user's own, without ROS."""
-    with socket.socket() as probe:
-        probe.bind(("localhost", 0))
-        port = probe.getsockname()[1]
+def make_home(home, port):
+    """Write what a user's shell reads. Returns the environment of a terminal: the user's own, without ROS. port: the
+    master's."""
     with open(os.path.join(home, ".bashrc"), "w", encoding="utf-8") as bashrc:
         # The page says roscore, which takes the usual port; here it must not, because someone may be using it.
         bashrc.write("PS1=%r; bind 'set enable-bracketed-paste off'; roscore() { command roscore -p %d \"$@\"; }\n"
@@ -228,7 +226,8 @@ class Walk:
 
     def __init__(self, page, home):
         self.steps, self.home, self.terminals, self.failed = steps_of(page), home, {}, None
-        self.environment = make_home(home)
+        self.bound = bound_socket()
+        self.environment = make_home(home, self.bound.getsockname()[1])
 
     def to_the_end_of(self, section):
         last = max(number for number, step in enumerate(self.steps) if step.section == section)
@@ -244,6 +243,7 @@ class Walk:
     def close(self):
         for terminal in reversed(list(self.terminals.values())):
             terminal.close()
+        self.bound.close()
         shutil.rmtree(self.home)
 
 

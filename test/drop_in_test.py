@@ -82,8 +82,9 @@ class DropIn(unittest.TestCase):
     def test_goal_callback_with_a_client_of_actionlib_and_of_ours(self):
         for kind in actionlib.SimpleActionClient, robust.SimpleActionClient:
             client = self.client("by_callback", kind)
-            self.assertEqual(GoalStatus.SUCCEEDED, self.ending(client, 0))
-            self.assertEqual(1, client.get_result().result)
+            if kind is robust.SimpleActionClient:  # actionlib's can lose an ending that comes while it sends the goal
+                self.assertEqual(GoalStatus.SUCCEEDED, self.ending(client, 0))
+                self.assertEqual(1, client.get_result().result)
             client.send_goal(TestGoal(5))
             eventually(lambda: client.get_state() == GoalStatus.ACTIVE, "the goal ACTIVE")
             client.cancel_goal()

@@ -25,7 +25,7 @@ from action_probe import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED, Probe,
 from actions_tutorial import robust
 from cases import SLACK, NodeCase, Scene, check_quiet, concurrently, printed_bowls
 from guest_servers import WAYS, Guest, polite
-from processes import PACKAGE, eventually
+from processes import PACKAGE, bound_socket, eventually
 
 GUEST = os.path.join(PACKAGE, "test", "guest_servers.py")
 SHUTTING_DOWN = "the server is shutting down"
@@ -246,12 +246,11 @@ class Endings(NodeCase):
 
     def test_client_that_went_without_a_word_and_comes_back_at_its_port_is_connected_within_seconds(self, scene):
         serve(scene, "polite")
-        asked, silent, goals = [], socket.socket(), scene.action + "goal"
-        silent.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        silent.bind(("127.0.0.1", 0))
-        silent.listen(1)
+        asked, bound, goals = [], bound_socket(), scene.action + "goal"
+        self.addCleanup(bound.close)
+        address = bound.getsockname()
+        silent = socket.create_server(address)
         silent.settimeout(30)
-        address = silent.getsockname()
         uri = "http://localhost:%d/" % address[1]
         api(scene).publisherUpdate("/master", goals, [uri])
         kept, _ = silent.accept()  # on which the server now waits for an answer, for 60 s

@@ -85,8 +85,10 @@ class Process:
         self._popen.stdin.flush()
 
     def signal(self, number):
-        """Send a signal to the process alone, as kill(1) does."""
+        """Send a signal to the process alone, as kill(1) does. It stands still when this has sent SIGSTOP."""
         self._popen.send_signal(number)
+        if number == signal.SIGSTOP:
+            eventually(lambda: self.usage.status() == psutil.STATUS_STOPPED, "a process that stands still", self)
 
     def stop(self):
         """Kill whatever is left of the group."""
@@ -129,6 +131,14 @@ def run(*command, timeout=120, status=0, **env):
     finally:
         process.stop()
     return process.stdout
+
+
+def bound_socket():
+    """Returns a socket that is bound and does not listen: nobody else is given its port, on which one may still listen."""
+    bound = socket.socket()
+    bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    bound.bind(("127.0.0.1", 0))
+    return bound
 
 
 def bowls(count):
@@ -180,10 +190,7 @@ class Master(Group):
     """A rosmaster on a free port, with files of its own, and the processes that run on it; process: the master's."""
 
     def __init__(self, _=None):
-        # Bound but not listening: nobody else is given the port, and the master may still listen there.
-        self._port = socket.socket()
-        self._port.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        self._port.bind(("127.0.0.1", 0))
+        self._port = bound_socket()
         self.uri = "http://localhost:%d" % self._port.getsockname()[1]
         self.home = tempfile.mkdtemp(prefix="actions_tutorial-")
         atexit.register(shutil.rmtree, self.home, ignore_errors=True)
