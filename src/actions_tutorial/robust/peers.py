@@ -13,9 +13,8 @@ from rospy.impl import registration, tcpros_base
 from .internals import need
 
 ACCEPTS_WITHIN = 1  # s that rospy's thread may leave a peer waiting; longer, it reads from one that came before our mend
-SPEAKS_WITHIN = 10  # s that a peer may take to say what it wants
+SPEAKS_WITHIN = 10  # s that a peer may take to send its first byte
 ANSWERS_WITHIN = 2  # s that a peer may take before others are served as well
-_LARGEST = 2**15  # bytes that are waited for; the kernel keeps more than that for us
 
 _rospy_run = tcpros_base.TCPServer.run
 
@@ -50,8 +49,7 @@ def serve_all_peers():
 
 
 def end_quietly():
-    """Call it before rospy.init_node."""
-    need("rospy", tcpros_base, "TCPServer")
+    """Have rospy's thread for peers end without a traceback. Call it before rospy.init_node."""
     tcpros_base.TCPServer.run = _run
 
 
@@ -61,20 +59,31 @@ def _read_side_by_side():
     need("rospy", tcpros_base, "start_tcpros_server", "init_tcpros_server")
     end_quietly()
     tcpros_base.start_tcpros_server()
-    server = tcpros_base.init_tcpros_server().tcp_ros_server  # the one that is there
-    need("rospy", server, "server_sock", "inbound_handler", "run")
+    tcpros = tcpros_base.init_tcpros_server()  # the one that is there
+    need("rospy", tcpros, "tcp_ros_server", "topic_connection_handler")
+    server, connect, turn = tcpros.tcp_ros_server, tcpros.topic_connection_handler, threading.Lock()
+    need("rospy", server, "server_sock", "inbound_handler")
     if isinstance(server.server_sock, _ListeningSocket):
         return
-    handle, turn, came = server.inbound_handler, threading.Lock(), threading.Event()
+    handle, listening, came = server.inbound_handler, server.server_sock, threading.Event()
 
     def wait_and_handle(connection, address):
-        if _has_spoken(connection):
-            # In turn: rospy tells the peer that it is connected, and then writes that down. What is published in
-            # between is lost, and threads side by side make that take long (rospy/impl/tcpros_pubsub.py).
-            with _turn(turn):
-                handle(connection, address)
+        connection.settimeout(SPEAKS_WITHIN)
+        try:
+            speaks = connection.recv(1, socket.MSG_PEEK)
+        except OSError:
+            speaks = False
+        if speaks:
+            connection.settimeout(None)
+            handle(connection, address)
         else:
             connection.close()
+
+    def connect_in_turn(*peer):
+        """Without it, a peer's first messages are lost now and then: rospy tells it that it is connected and then
+        writes that down (rospy/impl/tcpros_pubsub.py, topic_connection_handler), which takes long side by side."""
+        with _turn(turn):
+            return connect(*peer)
 
     def handle_side_by_side(*peer):
         came.set()
@@ -86,33 +95,19 @@ def _read_side_by_side():
     def stand_in():
         """Accept peers if rospy's thread does not: it may be reading from a silent one. Not both, for then a peer can
         overtake the one before, which of two connections of a node to a topic is to be dropped."""
-        with contextlib.suppress(OSError, ValueError):  # closed, because the node ends
+        waiting = select.poll()
+        with contextlib.suppress(ValueError):  # closed, because the node ends
             while not came.is_set():
-                select.select([server.server_sock], [], [])
+                waiting.register(listening, select.POLLIN)
+                waiting.poll()
                 if not came.wait(ACCEPTS_WITHIN):
                     server.run()
 
-    server.inbound_handler = handle_side_by_side
+    server.inbound_handler, tcpros.topic_connection_handler = handle_side_by_side, connect_in_turn
     # Not one of our own for the same port: with the time-out of 60 s that rospy makes the default when it connects,
     # neither would block any more, and rospy's thread, about to accept, would end with a BlockingIOError.
-    server.server_sock.__class__ = _ListeningSocket
+    listening.__class__ = _ListeningSocket
     threading.Thread(target=stand_in, daemon=True).start()
-
-
-def _has_spoken(connection):
-    """Wait until a peer has said what it wants: a length, and so many bytes. Returns False if it does not."""
-    connection.settimeout(SPEAKS_WITHIN)
-    until = time.monotonic() + SPEAKS_WITHIN
-    with contextlib.suppress(OSError):
-        while time.monotonic() < until:
-            said = connection.recv(_LARGEST, socket.MSG_PEEK)
-            if not said:
-                break
-            if 4 < min(4 + int.from_bytes(said[:4], "little"), _LARGEST) <= len(said):
-                connection.settimeout(None)
-                return True
-            time.sleep(0.1)
-    return False
 
 
 def _connect_once():
