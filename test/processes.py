@@ -134,7 +134,7 @@ def run(*command, timeout=120, status=0, **env):
 
 
 def bound_socket():
-    """Returns a socket that is bound and does not listen: nobody else is given its port, on which one may still listen."""
+    """Returns a socket that is bound but does not listen: nobody else is given the port, and one may listen there."""
     bound = socket.socket()
     bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     bound.bind(("127.0.0.1", 0))

@@ -12,7 +12,7 @@ from rospy.impl import registration, tcpros_base
 
 from .internals import need
 
-ACCEPTS_WITHIN = 1  # s that rospy's thread may leave a peer waiting; longer, it reads from one that came before our mend
+ACCEPTS_WITHIN = 1  # s that rospy's thread may leave a peer waiting; longer, it reads from one that is silent
 SPEAKS_WITHIN = 10  # s that a peer may take to send its first byte
 ANSWERS_WITHIN = 2  # s that a peer may take before others are served as well
 
