@@ -6,7 +6,7 @@ import platform
 import statistics
 
 import pictures
-from measure import TIMELINE
+from samples import TIMELINE
 
 
 def p99(values):

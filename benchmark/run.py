@@ -13,7 +13,7 @@ try:
     from actions_tutorial import robust
     import rospy
 
-    from measure import FULL, QUICK, Benchmark  # and it finds what is in test/
+    from samples import FULL, QUICK, Benchmark  # and it finds what is in test/
     from processes import Master
 except ImportError as error:
     sys.exit("benchmark: %s; run it as ./tutorial benchmark, which sources the workspace" % error)

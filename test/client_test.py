@@ -10,8 +10,9 @@ import rospy
 import rostest
 from actionlib_msgs.msg import GoalID
 
-from action_probe import PREEMPTED, SUCCEEDED, bowls
-from cases import SLACK, NodeCase, Scene, check_client, check_partial, check_quiet, concurrently, printed_bowls
+from processes import bowls, check_client, printed_bowls
+from raw_client import PREEMPTED, SUCCEEDED
+from scenes import SLACK, NodeCase, Scene, check_partial, check_quiet, concurrently
 
 
 @concurrently(Scene)

@@ -3,8 +3,9 @@
 import rospy
 import rostest
 
-from action_probe import ABORTED, PREEMPTED, SUCCEEDED, bowls
-from cases import ServerCase, check_quiet
+from processes import bowls
+from raw_client import ABORTED, PREEMPTED, SUCCEEDED
+from scenes import ServerCase, check_quiet
 
 
 class TestEndingsSimulated(ServerCase):
@@ -13,36 +14,36 @@ class TestEndingsSimulated(ServerCase):
         """Set the clock back, and wait until the server has seen it."""
         before = self.clock.now
         self.clock.set(before - rospy.Duration(300))
-        self.probe.wait(lambda: self.clock.turn(0.01) or self.probe.status.header.stamp < before, "a status after it")
+        self.scene.wait(lambda: self.clock.turn(0.01) or self.scene.status.header.stamp < before, "a status after it")
 
     def test_each_ending_is_shown_by_a_status_while_the_clock_leaps(self):
         self.clock.run(10)
         for _ in range(20):
-            self.probe.check_ending(self.probe.send(0), SUCCEEDED, [])
-            self.probe.check_ending(self.probe.send(-1), ABORTED, [])
+            self.scene.check_ending(self.scene.send(0), SUCCEEDED, [])
+            self.scene.check_ending(self.scene.send(-1), ABORTED, [])
 
     def test_cancel_up_to_now_and_a_clock_set_back_shut_nobody_out(self):
         goal_id = self.wash(5, 1)
-        self.probe.cancel(stamp=self.clock.now)
-        self.probe.check_ending(goal_id, PREEMPTED, bowls(1))
+        self.scene.cancel(stamp=self.clock.now)
+        self.scene.check_ending(goal_id, PREEMPTED, bowls(1))
         self.set_back()
-        self.probe.check_ending(self.probe.send(0), SUCCEEDED, [])
+        self.scene.check_ending(self.scene.send(0), SUCCEEDED, [])
 
     def test_newer_goal_takes_over_on_a_clock_set_back_during_the_older_one(self):
         older = self.wash(5, 2)
         self.set_back()
-        newer = self.probe.send(0)
-        self.assertIn("newer goal", self.probe.check_ending(older, PREEMPTED, bowls(2)).status.text)
-        self.probe.check_ending(newer, SUCCEEDED, [])
+        newer = self.scene.send(0)
+        self.assertIn("newer goal", self.scene.check_ending(older, PREEMPTED, bowls(2)).status.text)
+        self.scene.check_ending(newer, SUCCEEDED, [])
 
     def test_ended_goal_is_forgotten_in_its_time_on_a_clock_set_back(self):
-        goal_id = self.probe.send(0)
-        self.probe.check_ending(goal_id, SUCCEEDED, [])
+        goal_id = self.scene.send(0)
+        self.scene.check_ending(goal_id, SUCCEEDED, [])
         self.set_back()
-        self.clock.turn(0.5, self.probe)
-        self.clock.turn(0.5, self.probe)
-        check_quiet(self.probe.processes[0])
-        self.assertNotIn(goal_id, [one.goal_id.id for one in self.probe.status.status_list], "ended goals")
+        self.clock.turn(0.5, self.scene)
+        self.clock.turn(0.5, self.scene)
+        check_quiet(self.scene.processes[0])
+        self.assertNotIn(goal_id, [one.goal_id.id for one in self.scene.status.status_list], "ended goals")
 
 
 if __name__ == "__main__":

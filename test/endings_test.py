@@ -21,11 +21,11 @@ from rosgraph.network import encode_ros_handshake_header
 from rospy.impl.registration import get_registration_listeners
 from std_msgs.msg import Empty
 
-from action_probe import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED, Probe, bowls
+from raw_client import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED, RawClient
 from actions_tutorial import robust
-from cases import SLACK, NodeCase, Scene, check_quiet, concurrently, printed_bowls
+from scenes import SLACK, NodeCase, Scene, check_quiet, concurrently
 from guest_servers import WAYS, Guest, polite
-from processes import PACKAGE, bound_socket, eventually
+from processes import PACKAGE, bound_socket, bowls, eventually, printed_bowls
 
 GUEST = os.path.join(PACKAGE, "test", "guest_servers.py")
 SHUTTING_DOWN = "the server is shutting down"
@@ -103,7 +103,7 @@ def shut_down(test, scene, tell, tracebacks, *kinds):
     server, due = scene.start(GUEST, *kinds), {}  # (probe, goal id): its ending
     order = []  # (probe, goal id, goal id that ends later)
     for kind in kinds:
-        probe = (Probe("%s/%s" % (scene.namespace, kind)) if kinds[1:] else scene).wait_connected(server)
+        probe = (RawClient("%s/%s" % (scene.namespace, kind)) if kinds[1:] else scene).wait_connected(server)
         due[probe, busy(probe)] = [(ABORTED, SHUTTING_DOWN)]
         if kind == "never_looks":
             waits = probe.send(5)
@@ -366,7 +366,7 @@ class Endings(NodeCase):
 
     def test_what_a_peer_sends_steers_no_terminal(self, scene):
         server = scene.start(GUEST, "polite", "of_texts")
-        probe = Probe(scene.namespace + "/polite").wait_connected(server)
+        probe = RawClient(scene.namespace + "/polite").wait_connected(server)
         for _ in range(2):  # the second one is told of
             probe.send(1, STEERS)
         goal = TestRequestActionGoal()

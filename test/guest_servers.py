@@ -18,7 +18,7 @@ from actionlib_msgs.msg import GoalID
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesFeedback, WashTheDishesResult
 from std_msgs.msg import Empty
 
-from action_probe import ABORTED, PREEMPTED, SUCCEEDED
+from raw_client import ABORTED, PREEMPTED, SUCCEEDED
 
 RESULT = WashTheDishesResult(["bowl-0"])
 DIRTY = "the pans are dirty"

@@ -17,7 +17,7 @@ import pexpect
 import rostest
 from rosgraph.network import encode_ros_handshake_header
 
-from cases import SLACK, check_quiet, concurrently
+from scenes import SLACK, check_quiet, concurrently
 from processes import Master, eventually
 
 # What the programs here begin with. state() waits a moment: what ends a node does so within 0.1 s.

@@ -10,8 +10,8 @@ import rosgraph
 import rospy
 import rostest
 
-from cases import NodeCase, Scene, check_client, check_quiet, concurrently
-from processes import eventually
+from scenes import NodeCase, Scene, check_quiet, concurrently
+from processes import check_client, eventually
 
 AT_ONCE = 20  # connections of each kind to each port
 SEED = 4  # of the random bytes

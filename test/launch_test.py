@@ -5,8 +5,7 @@ import unittest
 
 import rostest
 
-from cases import check_client
-from processes import Master, eventually
+from processes import Master, check_client, eventually
 
 
 class TestLaunch(unittest.TestCase):

@@ -7,8 +7,8 @@ import unittest
 
 import rostest
 
-from cases import check_client, check_quiet, concurrently
-from processes import Master
+from scenes import check_quiet, concurrently
+from processes import Master, check_client
 
 
 @concurrently(Master)

@@ -6,8 +6,8 @@ import unittest
 
 import rostest
 
-from cases import SLACK, check_client, check_partial, check_quiet, concurrently
-from processes import Master
+from scenes import SLACK, check_partial, check_quiet, concurrently
+from processes import Master, check_client
 
 
 @concurrently(Master)

@@ -20,8 +20,8 @@ def eventually(condition, what, *concerned, timeout=30, news=None, pause=0.02):
     """Wait until condition() is true, and return its value. It is asked every pause (s), and when news
     (threading.Condition) is notified.
 
-    AssertionError with what (str) and all that those concerned (Process, Probe) have said, after timeout (s), and at
-    once when a Process among them has ended. A second at once counts at the most: a machine that stood still itself,
+    AssertionError with what (str) and all that those concerned (Process, RawClient) have said, after timeout (s), and
+    at once when a Process among them has ended. A second at once counts at the most: a machine that stood still itself,
     as virtual ones do, has made nobody late.
     """
     waited, now, news = 0, time.monotonic(), news or threading.Condition()

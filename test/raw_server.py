@@ -7,12 +7,12 @@ import actionlib
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
-from action_probe import NAMES, bowls
+from raw_client import NAMES
 from actions_tutorial import robust
 from actions_tutorial.msg import (
     WashTheDishesAction, WashTheDishesActionFeedback, WashTheDishesActionGoal, WashTheDishesActionResult,
     WashTheDishesFeedback, WashTheDishesGoal, WashTheDishesResult)
-from processes import eventually
+from processes import bowls, eventually
 
 PLAIN = os.environ.get("ACTIONLIB") == "plain"  # try the same on actionlib itself
 library = actionlib if PLAIN else robust

@@ -7,8 +7,9 @@ import unittest
 import rospy
 import rostest
 
-from action_probe import PREEMPTED, SUCCEEDED, bowls
-from cases import Scene
+from processes import bowls
+from raw_client import PREEMPTED, SUCCEEDED
+from scenes import Scene
 
 # s, of a median: a hundred times what an idle machine needs, and less than the 100 ms that actionlib's own loop pauses
 # between two goals, or than what a server needs that looks for a cancel five times a second or less often.
@@ -20,21 +21,21 @@ class TestRealTime(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         rospy.init_node("real_time", disable_signals=True)
-        cls.probe = Scene("")
-        cls.addClassCleanup(cls.probe.stop)
-        cls.server = cls.probe.server()
+        cls.scene = Scene("")
+        cls.addClassCleanup(cls.scene.stop)
+        cls.server = cls.scene.server()
 
     def since(self, begun, goal_id, event):
         """Wait for the event. Returns the seconds from begun (as of time.monotonic()) to it."""
-        self.probe.wait(lambda: (goal_id, event) in self.probe.times, "%s of %s" % (event, goal_id))
-        return self.probe.times[goal_id, event] - begun
+        self.scene.wait(lambda: (goal_id, event) in self.scene.times, "%s of %s" % (event, goal_id))
+        return self.scene.times[goal_id, event] - begun
 
     def test_four_bowls_take_four_seconds(self):
         begun = time.monotonic()
-        goal_id = self.probe.send(4)
-        result = self.probe.check_ending(goal_id, SUCCEEDED, bowls(4))
+        goal_id = self.scene.send(4)
+        result = self.scene.check_ending(goal_id, SUCCEEDED, bowls(4))
         took = self.since(begun, goal_id, "result")
-        stamps = [message.header.stamp for message in self.probe.feedback[goal_id] + [result]]
+        stamps = [message.header.stamp for message in self.scene.feedback[goal_id] + [result]]
         seconds = [(stamp - stamps[0]).to_sec() for stamp in stamps]
         for i, second in enumerate(seconds):
             # Never early but by what the first one was late, and late by what a busy machine may take.
@@ -46,16 +47,16 @@ class TestRealTime(unittest.TestCase):
     def test_cancel_and_newer_goal_act_at_once(self):
         cancelled, handed_over = [], []
         for _ in range(9):
-            older = self.probe.send(30)
+            older = self.scene.send(30)
             self.since(0, older, "bowl-0")
             begun = time.monotonic()
-            newer = self.probe.send(30)
+            newer = self.scene.send(30)
             handed_over.append(self.since(begun, newer, "bowl-0"))
             begun = time.monotonic()
-            self.probe.cancel(newer)
+            self.scene.cancel(newer)
             cancelled.append(self.since(begun, newer, "result"))
             for goal_id in older, newer:
-                self.probe.check_ending(goal_id, PREEMPTED, bowls(1))
+                self.scene.check_ending(goal_id, PREEMPTED, bowls(1))
         for what, seconds in ("newer goal to its first bowl", handed_over), ("cancel to result", cancelled):
             self.assertLess(statistics.median(seconds), AT_ONCE, "median of the seconds from %s: %s" % (what, seconds))
 

@@ -16,10 +16,10 @@ from actionlib_msgs.msg import GoalStatus
 from rospy.impl.tcpros_base import get_tcpros_server_address
 from std_msgs.msg import String
 
-from action_probe import ABORTED, ACTIVE, PENDING, PREEMPTED, PREEMPTING, RECALLED, SUCCEEDED, bowls
+from raw_client import ABORTED, ACTIVE, PENDING, PREEMPTED, PREEMPTING, RECALLED, SUCCEEDED
 from actions_tutorial.msg import WashTheDishesGoal
-from cases import SLACK, NodeCase, check_quiet, concurrently
-from processes import PACKAGE, Group, Master, eventually
+from scenes import SLACK, NodeCase, check_quiet, concurrently
+from processes import PACKAGE, Group, Master, bowls, eventually
 from raw_server import PATIENCE, RawServer, client_of
 from reports_programs import forward
 

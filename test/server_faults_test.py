@@ -12,9 +12,9 @@ import rospy
 import rostest
 from actions_tutorial.msg import WashTheDishesActionGoal
 
-from action_probe import SUCCEEDED
-from cases import SLACK, NodeCase, Scene, check_client, check_partial, check_quiet, concurrently
-from processes import eventually
+from raw_client import SUCCEEDED
+from scenes import SLACK, NodeCase, Scene, check_partial, check_quiet, concurrently
+from processes import check_client, eventually
 
 
 @concurrently(Scene)

@@ -32,17 +32,17 @@ class SimulatedClock:
             self._publisher.publish(time)
             eventually(lambda: self._here == time, "a /clock that comes back to us", news=self._news)
 
-    def turn(self, seconds, probe=None):
-        """Turn the clock on by seconds; with a probe, wait for the server's status of then (0.25 s or more)."""
+    def turn(self, seconds, scene=None):
+        """Turn the clock on by seconds; with a scene, wait for the server's status of then (0.25 s or more)."""
         with self._turns:
             self.set(self.now + rospy.Duration.from_sec(seconds))
-        if probe:
-            probe.wait(lambda: probe.status.header.stamp >= self.now, "a status of %.2f s" % self.now.to_sec())
+        if scene:
+            scene.wait(lambda: scene.status.header.stamp >= self.now, "a status of %.2f s" % self.now.to_sec())
 
-    def lead(self, probe):
+    def lead(self, scene):
         """Turn the clock on until the server's status follows it; its timer may have begun after our first turns."""
         begun = self.now
-        probe.wait(lambda: self.turn(0.25) or probe.status.header.stamp > begun, "a status that follows the clock")
+        scene.wait(lambda: self.turn(0.25) or scene.status.header.stamp > begun, "a status that follows the clock")
 
     def run(self, step, pause=0.004):
         """Let the clock go on by step (s) every pause (s of real time) or so, until stop()."""

@@ -3,18 +3,19 @@
 import rospy
 import rostest
 
-from action_probe import SUCCEEDED, bowls
-from cases import ServerCase, check_client
+from processes import bowls, check_client
+from raw_client import SUCCEEDED
+from scenes import ServerCase
 
 
 class TestSimulatedTime(ServerCase):
 
     def test_fifty_times_faster(self):
         begun = self.clock.now
-        goal_id = self.probe.send(60)
+        goal_id = self.scene.send(60)
         self.clock.run(0.2)
-        result = self.probe.check_ending(goal_id, SUCCEEDED, bowls(60))
-        for i, message in enumerate(self.probe.feedback[goal_id]):
+        result = self.scene.check_ending(goal_id, SUCCEEDED, bowls(60))
+        for i, message in enumerate(self.scene.feedback[goal_id]):
             self.assertGreaterEqual((message.header.stamp - begun).to_sec(), i, "second of bowl-%d" % i)
         took = (result.header.stamp - begun).to_sec()
         # Exact figures are goal_test's. By the wall clock it would take 60 * 50 s.
@@ -24,43 +25,43 @@ class TestSimulatedTime(ServerCase):
         goal_id = self.wash(3, 2)
         with self.assertRaises(AssertionError, msg="a bowl while the clock stands"):
             # Long enough for two more bowls of a server that lives by the wall clock.
-            self.probe.wait(lambda: self.probe.bowls_of(goal_id) != bowls(2) or goal_id in self.probe.results,
+            self.scene.wait(lambda: self.scene.bowls_of(goal_id) != bowls(2) or goal_id in self.scene.results,
                             "nothing", timeout=2.5)
         self.finish(goal_id, 3)
 
     def test_stopped_and_started_again_on_the_run(self):
-        goal_id = self.probe.send(20)
+        goal_id = self.scene.send(20)
         self.clock.run(0.2)
-        self.probe.wait_bowls(goal_id, 5)
+        self.scene.wait_bowls(goal_id, 5)
         self.clock.stop()
         self.clock.run(0.2)
-        self.probe.check_ending(goal_id, SUCCEEDED, bowls(20))
+        self.scene.check_ending(goal_id, SUCCEEDED, bowls(20))
 
     def set_back(self):
         """Set the clock back, and wait until the server has seen it, in steps so small that no bowl is due by them."""
         before = self.clock.now
         self.clock.set(before - rospy.Duration(100))
-        self.probe.wait(lambda: self.clock.turn(0.01) or self.probe.status.header.stamp < before, "a status after it")
+        self.scene.wait(lambda: self.clock.turn(0.01) or self.scene.status.header.stamp < before, "a status after it")
 
     def test_clock_set_back_delays_no_bowl_and_repeats_none(self):
         goal_id = self.wash(4, 2)
-        self.clock.turn(0.5, self.probe)
+        self.clock.turn(0.5, self.scene)
         self.set_back()
         begun = self.clock.now
         # Little by little: the server may see the clock late, and its second begins then.
-        self.probe.wait(lambda: self.clock.turn(0.1) or len(self.probe.bowls_of(goal_id)) > 2, "a third bowl")
+        self.scene.wait(lambda: self.clock.turn(0.1) or len(self.scene.bowls_of(goal_id)) > 2, "a third bowl")
         self.assertLess((self.clock.now - begun).to_sec(), 50, "s until the third bowl; 100 by the clock as it was")
         self.finish(goal_id, 4)
-        self.probe.check_ending(self.probe.send(0), SUCCEEDED, [])
+        self.scene.check_ending(self.scene.send(0), SUCCEEDED, [])
 
     def test_clock_set_back_between_goals_shuts_nobody_out(self):
-        self.probe.check_ending(self.probe.send(0), SUCCEEDED, [])
+        self.scene.check_ending(self.scene.send(0), SUCCEEDED, [])
         self.set_back()
-        self.probe.check_ending(self.probe.send(0), SUCCEEDED, [])
+        self.scene.check_ending(self.scene.send(0), SUCCEEDED, [])
 
     def test_client_is_patient_while_the_clock_stands(self):
         self.clock.run(0.08, 0.02)
-        client = self.probe.client(3, "_heartbeat_timeout:=1")
+        client = self.scene.client(3, "_heartbeat_timeout:=1")
         client.expect("bowl-1")
         self.clock.stop()
         with self.assertRaises(AssertionError, msg="a bowl while the clock stands"):
@@ -72,13 +73,13 @@ class TestSimulatedTime(ServerCase):
 
     def test_client_washes_on_when_the_clock_is_set_back(self):
         self.clock.run(0.08, 0.02)
-        client = self.probe.client(5, "_heartbeat_timeout:=3")
+        client = self.scene.client(5, "_heartbeat_timeout:=3")
         client.expect("bowl-1")
         self.clock.turn(-100)
         client.wait(20)  # the 100 s would take 25 s on this clock
         check_client(client, 0, 5)
         # Its next client works too, which hears the server's status, sent by a timer on the clock that was set back.
-        check_client(self.probe.client(20, "_heartbeat_timeout:=2"), 0, 20)  # which take 5 s on this clock
+        check_client(self.scene.client(20, "_heartbeat_timeout:=2"), 0, 20)  # which take 5 s on this clock
 
 
 if __name__ == "__main__":

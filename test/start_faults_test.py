@@ -7,8 +7,8 @@ import unittest
 
 import rostest
 
-from cases import check_client, check_quiet, concurrently
-from processes import PACKAGE, Master, eventually
+from scenes import check_quiet, concurrently
+from processes import PACKAGE, Master, check_client, eventually
 
 NODES = "action_server.py", "action_client.py", "add_two_numbers_server.py"
 LATE = 20  # s; what does not end at once when it cannot start hangs for ever

@@ -7,8 +7,8 @@ import time
 
 import rostest
 
-from action_probe import ABORTED, PREEMPTED
-from cases import SLACK, NodeCase, Scene, check_quiet, concurrently
+from raw_client import ABORTED, PREEMPTED
+from scenes import SLACK, NodeCase, Scene, check_quiet, concurrently
 
 
 @concurrently(Scene)

@@ -5,8 +5,8 @@ from concurrent.futures import Future
 
 import rospy
 
-from action_probe import PENDING, ACTIVE, PREEMPTING, SUCCEEDED, Probe
-from processes import Group, bowls, check_client, printed_bowls  # noqa: F401  # the tests find all here
+from raw_client import PENDING, ACTIVE, PREEMPTING, SUCCEEDED, RawClient
+from processes import Group, bowls, printed_bowls
 from simulated_clock import SimulatedClock
 
 # s that a bound of the contract is exceeded by at most, because the clock here runs while a loaded machine starts
@@ -14,11 +14,11 @@ from simulated_clock import SimulatedClock
 SLACK = 4
 
 
-class Scene(Probe, Group):
+class Scene(RawClient, Group):
     """A namespace (str) on this process's master, with what is said and what runs in it."""
 
     def __init__(self, namespace):
-        Probe.__init__(self, namespace)
+        RawClient.__init__(self, namespace)
         Group.__init__(self, ROS_NAMESPACE=namespace)
 
     def server(self, script="action_server.py", **options):
@@ -41,7 +41,7 @@ class Scene(Probe, Group):
         self.close()
 
     def __str__(self):
-        return "\n".join([Probe.__str__(self)] + [str(process) for process in self.processes])
+        return "\n".join([RawClient.__str__(self)] + [str(process) for process in self.processes])
 
 
 class ServerCase(unittest.TestCase):
@@ -57,36 +57,36 @@ class ServerCase(unittest.TestCase):
 
     @classmethod
     def start_server(cls):
-        cls.probe = Scene("")
-        cls.addClassCleanup(cls.probe.stop)
-        cls.probe.server(cls.script)
-        cls.clock.lead(cls.probe)
+        cls.scene = Scene("")
+        cls.addClassCleanup(cls.scene.stop)
+        cls.scene.server(cls.script)
+        cls.clock.lead(cls.scene)
 
     def setUp(self):
         self.clock.stop()
-        if any(states[-1] in (PENDING, ACTIVE, PREEMPTING) for states in self.probe.states.values()):
-            self.probe.stop()  # left by a test that failed, say, which is no reason for this one to fail, too
+        if any(states[-1] in (PENDING, ACTIVE, PREEMPTING) for states in self.scene.states.values()):
+            self.scene.stop()  # left by a test that failed, say, which is no reason for this one to fail, too
             self.start_server()
-        self.clock.turn(1, self.probe)
-        self.probe.active_at_once = 0
+        self.clock.turn(1, self.scene)
+        self.scene.active_at_once = 0
 
     def wash(self, minutes, count):
         """Send a goal, and turn the clock on second by second until it has named count bowls. Returns its id."""
-        goal_id = self.probe.send(minutes)
+        goal_id = self.scene.send(minutes)
         for already in range(1, count + 1):
             if already > 1:
-                self.clock.turn(1, self.probe)
-            self.probe.wait_bowls(goal_id, already)
+                self.clock.turn(1, self.scene)
+            self.scene.wait_bowls(goal_id, already)
         return goal_id
 
     def finish(self, goal_id, minutes):
         """Turn the clock on second by second until a goal of so many minutes has ended as it should. -> its result"""
-        for count in range(len(self.probe.bowls_of(goal_id)) + 1, minutes + 1):
-            self.clock.turn(1, self.probe)
-            self.probe.wait_bowls(goal_id, count)
-        self.assertNotIn(goal_id, self.probe.results, "ended before its last second was over: %s" % self.probe)
-        self.clock.turn(1, self.probe)
-        return self.probe.check_ending(goal_id, SUCCEEDED, bowls(minutes))
+        for count in range(len(self.scene.bowls_of(goal_id)) + 1, minutes + 1):
+            self.clock.turn(1, self.scene)
+            self.scene.wait_bowls(goal_id, count)
+        self.assertNotIn(goal_id, self.scene.results, "ended before its last second was over: %s" % self.scene)
+        self.clock.turn(1, self.scene)
+        return self.scene.check_ending(goal_id, SUCCEEDED, bowls(minutes))
 
 
 class NodeCase(unittest.TestCase):

@@ -1,4 +1,4 @@
-"""A probe on the action's five topics: sends goals and cancels as raw messages, and keeps all that comes back."""
+"""A client of bare topics: sends goals and cancels as raw messages, and keeps all that comes back."""
 import itertools
 import threading
 import time
@@ -9,7 +9,7 @@ import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from actions_tutorial.msg import WashTheDishesActionFeedback, WashTheDishesActionGoal, WashTheDishesActionResult
 
-from processes import bowls, eventually  # noqa: F401  # the tests find bowls here
+from processes import eventually
 
 PENDING, ACTIVE, PREEMPTED, SUCCEEDED, ABORTED, RECALLED, PREEMPTING = (
     GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTED, GoalStatus.SUCCEEDED, GoalStatus.ABORTED,
@@ -18,7 +18,7 @@ NAMES = {value: name for name, value in vars(GoalStatus).items() if name.isupper
 ENDINGS = {PREEMPTED, SUCCEEDED, ABORTED, RECALLED, GoalStatus.REJECTED}
 
 
-class Probe:
+class RawClient:
     """Stands for the clients of wash_dishes_as in a namespace (str); topics: those that the other end has.
 
     feedback, results: goal id -> its messages; states: goal id -> [status numbers in the order seen]; status: the last
@@ -42,7 +42,7 @@ class Probe:
                                           ("status", GoalStatusArray, self.on_status)) if topic in topics}
 
     def forget(self):
-        """Begin with nothing, as a new probe."""
+        """Begin with nothing, as a new one."""
         with self.news:
             self.feedback, self.results, self.states, self.times = {}, {}, {}, {}
             self.active_at_once = 0  # the most goals that one status message showed as ACTIVE or PREEMPTING

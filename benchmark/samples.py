@@ -19,13 +19,13 @@ import rospy
 
 HERE = os.path.dirname(os.path.realpath(__file__))
 sys.path.insert(0, os.path.join(HERE, "..", "test"))
-from action_probe import ACTIVE, Probe  # noqa: E402
+from raw_client import ACTIVE, RawClient  # noqa: E402
 from processes import PACKAGE, eventually  # noqa: E402
 from simulated_clock import SimulatedClock  # noqa: E402
 
 SCRIPTS = os.path.join(PACKAGE, "scripts")
 SERVERS = {"ours": os.path.join(SCRIPTS, "action_server.py"), "plain": os.path.join(SCRIPTS, "plain_action_server.py"),
-           "floor": os.path.join(HERE, "floor.py")}
+           "floor": os.path.join(HERE, "ping_pong.py")}
 # instances: servers that take samples side by side; a sample is mostly waiting. Then: samples of each of them for a
 # figure, the least seconds for a goal, a newer one and its cancel, starts, bowls to time, sizes under simulated time,
 # clients connected and their samples, goals in a row, and ended goals that may still be listed when something is
@@ -42,7 +42,7 @@ TIMELINE = (2.3, 4.6)  # s of a newer goal and of its cancel in the picture
 TIMEOUT = 60  # s, for anything that takes a second or two
 
 
-class Peer(Probe):
+class Peer(RawClient):
     """This process's end of a server, or the floor (kind), in a namespace of its own; process: the server's."""
 
     process = on_bowl = None

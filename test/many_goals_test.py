@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Goals of mixed length and ending through one server, under fast simulated time: no ending lost, nothing piles up.
 
-The long one: ./tutorial shell rostest --text actions_tutorial soak.test goals:=10000
+The long one: ./tutorial shell rostest --text actions_tutorial many_goals.test goals:=10000
 """
 import random
 import time
@@ -10,8 +10,8 @@ import unittest
 import rospy
 import rostest
 
-from action_probe import ABORTED, PREEMPTED, RECALLED, SUCCEEDED
-from cases import Scene
+from raw_client import ABORTED, PREEMPTED, RECALLED, SUCCEEDED
+from scenes import Scene
 from processes import bowls
 from simulated_clock import SimulatedClock
 
@@ -42,15 +42,15 @@ def one_goal(scene, choose):
     return 2 if newer else 1
 
 
-class Soak(unittest.TestCase):
+class ManyGoals(unittest.TestCase):
 
     def test_no_ending_is_lost_and_nothing_piles_up(self):
-        rospy.init_node("soak")
+        rospy.init_node("many_goals")
         goals, choose = rospy.get_param("~goals"), random.Random(rospy.get_param("~seed", 1))
         part, taken, sent, counted, begun = min(PART, goals // 3), [], 0, 0, time.monotonic()
         clock = SimulatedClock()
         self.addCleanup(clock.stop)
-        with Scene("/soak") as scene:
+        with Scene("/many_goals") as scene:
             server = scene.server()
             clock.run(0.5, 0.002)
             while sent < goals:
@@ -69,4 +69,4 @@ class Soak(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    rostest.rosrun("actions_tutorial", "soak", Soak)
+    rostest.rosrun("actions_tutorial", "many_goals", ManyGoals)

@@ -62,11 +62,11 @@ class BySubclass(robust.SimpleActionServer):
         self.set_succeeded()
 
 
-class DropIn(unittest.TestCase):
+class Compatibility(unittest.TestCase):
 
     @classmethod
     def setUpClass(cls):
-        rospy.init_node("drop_in", disable_signals=True)
+        rospy.init_node("compatibility", disable_signals=True)
         cls.by_callback, cls.by_subclass = ByCallback("by_callback"), BySubclass("by_subclass")
 
     def client(self, name, kind=robust.SimpleActionClient, **options):
@@ -192,4 +192,4 @@ class DropIn(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    rostest.rosrun("actions_tutorial", "drop_in", DropIn)
+    rostest.rosrun("actions_tutorial", "compatibility", Compatibility)
