@@ -523,6 +523,14 @@ except rospy.ROSInitException as error:
     def test_stubborn_node_ends_within_2_s_of_rosnode_kill(self, master):
         self.stubborn(master, lambda _: master.start("rosnode", "kill", "-a"))
 
+    def test_exit_status_of_a_program_stays_though_the_master_is_frozen(self, master):
+        node = program(master, "robust.shutdown.KILLED_AFTER = 20\nrobust.init_node('guest')\nprint('ready')\n"
+                       "rospy.spin()\nsys.exit(3)")
+        node.expect("ready")
+        master.process.signal(signal.SIGSTOP)
+        node.signal(signal.SIGTERM)
+        self.assertEqual(3, node.wait(), node)
+
     def test_exit_status_of_a_stubborn_node_is_1_while_its_goal_is_under_way(self, master):
         program(master, """
 rospy.init_node("server")

@@ -1,5 +1,6 @@
 #!/usr/bin/python3
 """What robust does without a node and without a master."""
+import ast
 import atexit
 import contextlib
 import functools
@@ -143,6 +144,19 @@ class Units(unittest.TestCase):
                 self.assertTrue(inspect.getdoc(function), called)
         self.assertIn("<version>%s</version>" % robust.__version__, (root / "package.xml").read_text())
 
+    def test_what_the_libraries_do_not_document_is_looked_for_at_the_start_and_what_is_looked_for_is_used(self):
+        needed, private, ours, used = set(), {"_connection_header", "_exit"}, set(), set()  # these are documented
+        for file in pathlib.Path(robust.__file__).parent.glob("*.py"):
+            for part in ast.walk(ast.parse(file.read_text())):
+                if isinstance(part, ast.Call) and getattr(part.func, "id", "") == "need":
+                    needed.update(ast.literal_eval(name) for name in part.args[2:])
+                elif isinstance(part, ast.Attribute):
+                    (ours if isinstance(part.ctx, ast.Store) else used).add(part.attr)
+                elif isinstance(part, (ast.FunctionDef, ast.ClassDef)):
+                    ours.add(part.name)
+        self.assertEqual(set(), {name for name in used if re.match("_[^_]", name)} - ours - needed - private)
+        self.assertEqual(set(), needed - used - ours)
+
     def test_get_param_in_rospys_place_takes_any_number(self):
         with mock.patch.object(rospy, "get_param", robust.get_param), arguments("_n:=0.5"):
             self.assertEqual(0.5, rospy.get_param("~n", 7))
@@ -219,7 +233,7 @@ class Units(unittest.TestCase):
         caller.put.call_args[0][0]()
         self.assertEqual([*map(str, range(1000)), "later", "['then']"], said)
 
-    def test_flush_waits_for_the_lines_so_far_and_the_end_of_a_node_flushes(self):
+    def test_flush_waits_for_the_lines_so_far_and_the_end_of_a_partflushes(self):
         said = self.logged()
         with closer() as one, mock.patch.object(shutdown, "CLOSED_WITHIN", 0):
             log._soon.append(lambda: "first")
@@ -288,22 +302,39 @@ class Units(unittest.TestCase):
             self.assertEqual(ports, came)
             del came[:]
 
-    def test_peers_are_connected_one_after_the_other(self):
+    def alone(self, run):
+        """Have run(function) call function 20 times, in as many threads. No two of these may be in it at once."""
         inside, most = [], []
 
-        def connect(*_):
+        def function(*_):
             inside.append(1)
             most.append(len(inside))
             threading.Event().wait(0.01)
             inside.pop()
+            return threading.Lock()
 
-        _, connect_peer = self.peers_server(connect)
-        for _ in range(20):
-            connect_peer(encode_ros_handshake_header({"topic": "topic"}))
-        eventually(lambda: len(most) == 20, "20 peers connected")
+        run(function)
+        eventually(lambda: len(most) == 20, "20 calls")
         self.assertEqual([1] * 20, most)
 
-    def test_node_that_ends_before_its_thread_for_peers_has_begun_ends_without_a_traceback(self):
+    def test_peers_are_connected_one_after_the_other(self):
+        def run(connection_handler):
+            _, connect = self.peers_server(connection_handler)
+            for _ in range(20):
+                connect(encode_ros_handshake_header({"topic": "topic"}))
+
+        self.alone(run)
+
+    def test_locks_of_peers_are_looked_up_one_after_the_other(self):
+        def run(setdefault):
+            connect = peers._OneAtATime(lambda *_: None)
+            connect._locks = mock.Mock(setdefault=setdefault)
+            with ThreadPoolExecutor(20) as threads:
+                threads.map(connect, range(20), range(20))
+
+        self.alone(run)
+
+    def test_partthat_ends_before_its_thread_for_peers_has_begun_ends_without_a_traceback(self):
         server = self.peers_server()[0]
         server.shutdown()
         server.run()
