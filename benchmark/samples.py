@@ -117,7 +117,7 @@ class Benchmark:
         return self.random.sample([(i + self.random.random()) / count for i in range(count)], count)
 
     def run(self):
-        """Take one step after the other. One that fails costs its own figures: self.failures tells why."""
+        """Take one step after the other. If one fails, its figures are missing, and self.failures tells why."""
         sizes = ["sim %d" % size for size in self.plan["sizes"]]
         reactions, minute = ["cancel", "newer", "first feedback"], ["idle", "memory", "bowl", "drift"]
         steps = [(["start"], self.measure_starts), (reactions + minute + ["burst"], self.start_all),
@@ -305,11 +305,13 @@ class Benchmark:
         self.stage = "starting the servers of the simulated time"
         clock = SimulatedClock()
         rospy.set_param("/use_sim_time", True)  # asked for when a node starts, and then no more
-        peers = {kind: self.start(kind, "simulated") for kind in ("ours", "plain")}
-        for peer in peers.values():
-            peer.wait_connected(peer.process)
-            peer.on_bowl = lambda: clock.turn(1)
-        rospy.delete_param("/use_sim_time")
+        try:
+            peers = {kind: self.start(kind, "simulated") for kind in ("ours", "plain")}
+            for peer in peers.values():
+                peer.wait_connected(peer.process)
+                peer.on_bowl = lambda: clock.turn(1)
+        finally:
+            rospy.delete_param("/use_sim_time")
         small, middle, large = self.plan["sizes"]
         for turn, size in enumerate([small] * 4 + [large, middle] + [small] * 4 + [middle, large] + [small] * 4):
             for kind in ("ours", "plain") if turn % 2 else ("plain", "ours"):

@@ -97,7 +97,7 @@ class NodeCase(unittest.TestCase):
         rospy.init_node("node_case", disable_signals=True)
 
 
-def concurrently(place, at_once=4):
+def concurrently(place, at_once=2):
     """Class decorator: run a TestCase's tests side by side, as they mostly wait; each still has its own outcome.
 
     The first of them starts them all. Each test is given a place of its own, place(its name) (Scene or Master), and
