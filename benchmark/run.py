@@ -33,7 +33,7 @@ def arguments():
     parser.add_argument("--plot", metavar="FILE.svg", help="draw cancel → result (needs python3-matplotlib)")
     parser.add_argument("--timeline", metavar="FILE.svg", help="draw a newer goal and a cancel (needs matplotlib, too)")
     parser.add_argument("--server", metavar="PATH",
-                        help="measure this server in place of ours, and start none by rosrun")
+                        help="measure this server in place of ours")
     parser.add_argument("--quick", action="store_true", help="20 s, to see that it works: too few samples to quote")
     args = parser.parse_args()
     # Better now than after four minutes:

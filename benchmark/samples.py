@@ -5,11 +5,9 @@ pauses between two samples, so that a ratio to it says what action and server ad
 time.monotonic() in plain publishers and subscribers: SimpleActionClient would add its own locks and threads.
 """
 import contextlib
-import functools
 import gc
 import os
 import random
-import signal
 import subprocess
 import sys
 import threading
@@ -26,18 +24,17 @@ from simulated_clock import SimulatedClock  # noqa: E402
 SCRIPTS = os.path.join(PACKAGE, "scripts")
 SERVERS = {"ours": os.path.join(SCRIPTS, "action_server.py"), "plain": os.path.join(SCRIPTS, "plain_action_server.py"),
            "floor": os.path.join(HERE, "ping_pong.py")}
+CLIENTS = {"ours": [os.path.join(SCRIPTS, "action_client.py"), "_number_of_minutes:=0"],
+           "plain": [os.path.join(HERE, "plain_client.py")]}
 # instances: servers that take samples side by side; a sample is mostly waiting. Then: samples of each of them for a
-# figure, the least seconds for a goal, a newer one and its cancel, starts, bowls to time, sizes under simulated time,
-# clients connected and their samples, goals in a row, and ended goals that may still be listed when something is
-# measured.
+# figure, the least seconds for a goal, a newer one and its cancel, whole clients, bowls to time, sizes under simulated
+# time, goals in a row, and ended goals that may still be listed when something is measured.
 FULL = {"instances": {"ours": 5, "plain": 5, "floor": 1},
         "samples": {"ours": 31, "plain": 31, "floor": 200}, "cycle": 2.5,
-        "starts": 7, "bowls": 60, "sizes": (100, 1000, 10000),
-        "clients": (1, 10, 50, 200), "client_samples": {"ours": 36, "floor": 72}, "burst": 112, "listed": 2}
+        "clients": 15, "bowls": 60, "sizes": (100, 10000), "burst": 112, "listed": 2}
 QUICK = {"instances": {"ours": 2, "plain": 2, "floor": 1},
          "samples": {"ours": 3, "plain": 2, "floor": 12}, "cycle": 0,
-         "starts": 1, "bowls": 3, "sizes": (5, 10, 20),
-         "clients": (1, 2, 3, 4), "client_samples": {"ours": 4, "floor": 8}, "burst": 10, "listed": 30}
+         "clients": 1, "bowls": 3, "sizes": (5, 20), "burst": 10, "listed": 30}
 TIMELINE = (2.3, 4.6)  # s of a newer goal and of its cancel in the picture
 TIMEOUT = 60  # s, for anything that takes a second or two
 
@@ -58,11 +55,6 @@ class Peer(RawClient):
     def wait(self, condition, what, timeout=TIMEOUT):
         return eventually(condition, "%s, in %s" % (what, self.namespace), self.process, timeout=timeout,
                           news=self.news, pause=1)
-
-    def wait_until_up(self):
-        """Wait until a goal sent now is served: a server publishes its first status when it takes goals."""
-        self.wait(lambda: not self.status.header.stamp.is_zero(), "first status")
-        eventually(self.publishers["goal"].get_num_connections, "a connection for goals", self.process, pause=0.001)
 
     def since(self, sent, goal_id, *events):
         """Wait for the first of the events. Returns the seconds from sent to it."""
@@ -88,7 +80,6 @@ class Benchmark:
         self.server, self.plan, self.master = server, plan, master
         self.stage, self.samples, self.failures, self.peers = "starting", {}, {}, {}
         self.timeline = {}
-        self.connected = 1  # clients; this process is the first one of each server
         self.lock = threading.Lock()
         self.turn = threading.Lock()  # held while something short is timed: one thing at a time
         self.random = random.Random(6)
@@ -97,11 +88,11 @@ class Benchmark:
         with self.lock:
             self.samples.setdefault((figure, kind), []).append(value)
 
-    def start(self, kind, number, command=None):
+    def start(self, kind, number):
         """Start a server of this kind. -> Peer"""
         peer = Peer(kind, number)
-        command = command or [sys.executable, self.server if kind == "ours" and self.server else SERVERS[kind]]
-        peer.process = self.master.start(*command, "__ns:=" + peer.namespace, stdout=subprocess.DEVNULL)
+        script = self.server if kind == "ours" and self.server else SERVERS[kind]
+        peer.process = self.master.start(sys.executable, script, "__ns:=" + peer.namespace, stdout=subprocess.DEVNULL)
         return peer
 
     def start_all(self):
@@ -119,15 +110,13 @@ class Benchmark:
     def run(self):
         """Take one step after the other. If one fails, its figures are missing, and self.failures tells why."""
         sizes = ["sim %d" % size for size in self.plan["sizes"]]
-        reactions, minute = ["cancel", "newer", "first feedback"], ["idle", "memory", "bowl", "drift"]
-        steps = [(["start"], self.measure_starts), (reactions + minute + ["burst"], self.start_all),
+        reactions, minute = ["cancel", "newer", "first feedback", "no bowls"], ["idle", "memory", "bowl", "drift"]
+        steps = [(reactions + minute + ["burst", "client"], self.start_all), (["client"], self.measure_clients),
                  (["burst"], self.measure_bursts), (sizes, self.measure_simulated_time),
                  (reactions, self.measure_reactions), (["burst"], self.measure_bursts),
                  (minute, self.measure_idle_minute), (["burst"], self.measure_bursts)]
         if self.plan["timeline"]:
             steps.append((["timeline"], self.measure_timeline))
-        steps += [(["clients %d" % step], functools.partial(self.measure_with_clients, step))
-                  for step in range(len(self.plan["clients"]))]
         for figures, step in steps:
             try:
                 step()
@@ -136,17 +125,17 @@ class Benchmark:
                 for figure in figures:
                     self.failures.setdefault(figure, "%s: %s" % (self.stage, str(error).splitlines()[0]))
 
-    def measure_starts(self):
-        for turn in range(self.plan["starts"]):
+    def measure_clients(self):
+        """Whole clients, from start to exit, each with our first server."""
+        for turn in range(self.plan["clients"]):
             for kind in ("ours", "plain") if turn % 2 else ("plain", "ours"):
-                self.stage = "start, %d of %d" % (turn + 1, self.plan["starts"])
-                rosrun = ["rosrun", "actions_tutorial", os.path.basename(SERVERS[kind])]
-                peer = self.start(kind, "start_%d" % turn, None if self.server else rosrun)
-                peer.wait_until_up()
-                self.add("start", kind, peer.since(peer.process.started, peer.send(1), ACTIVE, "bowl-0"))
-                peer.process.signal(signal.SIGINT)
-                peer.process.wait()
-                peer.close()
+                self.stage = "whole client, %d of %d" % (turn + 1, self.plan["clients"])
+                begun = time.monotonic()
+                client = self.master.start(*CLIENTS[kind], "__ns:=" + self.peers["ours"][0].namespace)
+                client.wait()
+                self.add("client", kind, time.monotonic() - begun)
+                assert client.said("stdout") == "%s[]\n" % ("The result is: dishes_washed: " if kind == "ours" else
+                                                            "dishes_washed: "), client
 
     def quiet(self):
         gc.freeze()  # to look through all messages, which are kept, for garbage takes up to 0.2 s, in a sample's midst
@@ -200,7 +189,9 @@ class Benchmark:
     def cycle(self, kind, peer, count):
         for before, first, second in zip(self.phases(count), self.phases(count), self.phases(count)):
             if kind == "floor":
-                self.ping(peer, first, "ping")
+                time.sleep(first / 2)
+                with self.turn:
+                    self.add("ping", kind, peer.took(peer.send(1), "result"))
             else:
                 begun = time.monotonic()
                 # An idle server's slowest clock is its status, every 0.2 s: the goal comes at any time within that.
@@ -213,51 +204,19 @@ class Benchmark:
                     self.add("newer", kind, peer.took(goal_id, ACTIVE, "bowl-0"))
                 peer.took(goal_id, "bowl-0")
                 time.sleep(second)
-                self.cancel(kind, peer, goal_id, "cancel")
+                with self.turn_of(kind):
+                    sent = time.monotonic()
+                    peer.cancel(goal_id)
+                    self.add("cancel", kind, peer.since(sent, goal_id, "result"))
+                with self.turn_of(kind):
+                    self.add("no bowls", kind, peer.took(peer.send(0), "result"))
                 # No server goes ahead: a goal that has ended is listed for 5 s, and a longer status takes longer.
                 time.sleep(max(0.0, begun + self.plan["cycle"] - time.monotonic()))
             yield
 
-    def ping(self, peer, phase, figure):
-        time.sleep(phase / 2)
-        with self.turn:
-            self.add(figure, "floor", peer.took(peer.send(1), "result"))
-
-    def cancel(self, kind, peer, goal_id, figure):
-        with self.turn_of(kind):
-            sent = time.monotonic()
-            peer.cancel(goal_id)
-            self.add(figure, kind, peer.since(sent, goal_id, "result"))
-
     def turn_of(self, kind):
         """The plain server may take a second, for which nobody else is held up."""
         return contextlib.nullcontext() if kind == "plain" else self.turn
-
-    def cancels(self, kind, peer, count, figure):
-        for phase in self.phases(count):
-            if kind == "floor":
-                self.ping(peer, phase, figure)
-            else:
-                goal_id = peer.send(1000)
-                peer.took(goal_id, "bowl-0")
-                time.sleep(phase)
-                self.cancel(kind, peer, goal_id, figure)
-            yield
-
-    def measure_with_clients(self, step):
-        """More clients connect to our first server; they only listen, as idle clients do. Not to a plain one: of many
-        that start at once, rospy may leave some unconnected for good (robust/peers.py, _connect_once)."""
-        clients = self.plan["clients"][step]
-        more, self.connected = clients - self.connected, clients
-        if more:
-            self.stage = "connecting %d clients" % clients
-            process = self.master.start(sys.executable, os.path.join(HERE, "clients.py"), str(more),
-                                        self.peers["ours"][0].namespace)
-            eventually(lambda: process.stdout.count("connected") == more, self.stage, process, timeout=3 * TIMEOUT)
-        self.quiet()
-        self.in_parallel([(self.cancels, kind, self.peers[kind][0], count, "clients %d" % step)
-                          for kind, count in self.plan["client_samples"].items()],
-                         lambda done: "cancel with %d clients connected: sample %d" % (clients, done))
 
     def measure_timeline(self):
         """A goal, a newer one in the midst of its third bowl, and a cancel. Fills self.timeline: kind -> [goal], each a
@@ -312,8 +271,8 @@ class Benchmark:
                 peer.on_bowl = lambda: clock.turn(1)
         finally:
             rospy.delete_param("/use_sim_time")
-        small, middle, large = self.plan["sizes"]
-        for turn, size in enumerate([small] * 4 + [large, middle] + [small] * 4 + [middle, large] + [small] * 4):
+        small, large = self.plan["sizes"]
+        for turn, size in enumerate([small] * 4 + [large] + [small] * 4 + [large] + [small] * 4):
             for kind in ("ours", "plain") if turn % 2 else ("plain", "ours"):
                 self.stage = "simulated time: %d bowls, %s" % (size, kind)
                 peer, before = peers[kind], peers[kind].cpu()
