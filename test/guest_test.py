@@ -170,7 +170,7 @@ def program(master, code, head=HEAD, **env):
         "ROS_NAMESPACE": "/guest_%d" % len(master.processes)}, **env))
 
 
-@concurrently(Master)
+@concurrently(Master, at_once=4)
 class Guest(unittest.TestCase):
 
     def says(self, node, *lines, status=0):
