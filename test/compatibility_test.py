@@ -17,7 +17,7 @@ from actionlib_msgs.msg import GoalStatus
 from actions_tutorial import robust
 from processes import eventually
 
-PATIENCE = rospy.Duration(30)
+PATIENCE = rospy.Duration(50)
 POLL = 0.1  # s that actionlib waits between two goals
 
 

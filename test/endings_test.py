@@ -346,12 +346,12 @@ class Endings(NodeCase):
     def test_second_server_of_an_action_names_the_node_of_the_first(self, scene):
         serve(scene, "polite", "__name:=first")
         second = scene.start(GUEST, "polite", "__name:=second")
-        second.expect("%s.*%s/first" % (scene.action[:-1], scene.namespace), timeout=10)
+        second.expect("%s.*%s/first" % (scene.action[:-1], scene.namespace))
         self.check_names(scene, second, "/first", 1)
 
     def test_second_server_of_an_action_in_a_node_names_that_node(self, scene):
         scene.start(GUEST, "polite", "polite").expect(r"%s/polite/wash_dishes_as\b.*(%s/guest|(same|this) node)\b" % (
-            scene.namespace, scene.namespace), timeout=10)
+            scene.namespace, scene.namespace))
 
     def test_server_that_is_started_again_is_no_second_one(self, scene):
         first = serve(scene, "polite")

@@ -16,7 +16,7 @@ import rosgraph
 PACKAGE = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))  # its folder
 
 
-def eventually(condition, what, *concerned, timeout=30, news=None, pause=0.02):
+def eventually(condition, what, *concerned, timeout=50, news=None, pause=0.02):
     """Wait until condition() is true, and return its value. It is asked every pause (s), and when news
     (threading.Condition) is notified.
 
@@ -58,14 +58,14 @@ class Process:
             reader.start()
         atexit.register(self._kill)  # a test that is interrupted leaves none behind either
 
-    def expect(self, pattern, timeout=30):
+    def expect(self, pattern, timeout=50):
         """Wait until a line holds pattern (regex), also one that came earlier. Returns the match."""
         def match():
             return next(filter(None, (re.search(pattern, text) for _, _, text in self.lines)), None)
 
         return eventually(match, "a line with /%s/" % pattern, self, timeout=timeout, news=self._news)
 
-    def wait(self, timeout=30):
+    def wait(self, timeout=50):
         """Wait until the process ends, for timeout (s). Returns its exit status (int; -n: killed by signal n)."""
         eventually(lambda: not self.running(), "an end", self, timeout=timeout)
         for reader in self._readers:

@@ -85,7 +85,7 @@ class RawClient:
         """Send a cancel: of one goal, of all (no id, no stamp), or of all up to stamp."""
         self.publishers["cancel"].publish(GoalID(id=goal_id, stamp=stamp))
 
-    def wait(self, condition, what, timeout=30):
+    def wait(self, condition, what, timeout=50):
         """Wait until condition() is true, and return its value. AssertionError with what and all that came."""
         return eventually(condition, what, self, timeout=timeout, news=self.news, pause=0.1)
 

@@ -16,7 +16,7 @@ from processes import bowls, eventually
 
 PLAIN = os.environ.get("ACTIONLIB") == "plain"  # try the same on actionlib itself
 library = actionlib if PLAIN else robust
-PATIENCE = rospy.Duration(30)
+PATIENCE = rospy.Duration(50)
 
 
 def client_of(action, kind=WashTheDishesAction, **options):
@@ -61,7 +61,7 @@ class RawServer:
     def _hear(self, message):
         self._keep(self._heard.add, message.header.frame_id)
 
-    def eventually(self, condition, what, timeout=30):
+    def eventually(self, condition, what, timeout=50):
         return eventually(condition, what, self, timeout=timeout, news=self._news)
 
     def send(self, minutes=1, **callbacks):

@@ -62,7 +62,7 @@ class Reports(NodeCase):
 
     def prints(self, node, *lines):
         """The node (Process) ends well, having printed these lines (str), and nothing goes wrong in it."""
-        self.assertEqual(0, node.wait(60), node)
+        self.assertEqual(0, node.wait(120), node)
         self.assertEqual(list(lines), node.stdout.splitlines(), node)
         check_quiet(node)
 
