@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What robust uses of rospy and actionlib without their documenting it, checked when a node starts."""
 import http.client
-import importlib.metadata
 import threading
 import xmlrpc.client
 
@@ -40,6 +39,7 @@ def need(library, owner, *names):
     now than as a traceback some time later."""
     for name in names:
         if not hasattr(owner, name):
+            import importlib.metadata  # here, because it takes 1 MB
             raise cannot_start("%s %s has no %s.%s, which robust needs; it was tested with %s %s" % (
                 library, importlib.metadata.version(library), getattr(owner, "__name__", type(owner).__name__), name,
                 library, TESTED[library]))
