@@ -354,19 +354,28 @@ class Units(unittest.TestCase):
         with mock.patch.object(peers, "ANSWERS_WITHIN", 0):
             connect("topic", "uri")
 
-    def test_period_begins_with_a_simulated_clock_that_begins_during_a_sleep(self):
+    def sleep(self, begin, *seconds):
+        """Sleep for a second, on a simulated clock that is at begin, and then at each of seconds, until the sleep has
+        ended with the last one. Returns when the next second begins."""
         self.addCleanup(rospy.rostime.switch_to_wallclock)
         self.addCleanup(rospy.rostime.set_rostime_initialized, False)
         rospy.rostime.set_rostime_initialized(True)
-        rospy.rostime._set_rostime(rospy.Time())
+        rospy.rostime._set_rostime(rospy.Time(begin))
         asked, a_rate = [], rate.Rate(1, lambda: asked.append(1))
         with ThreadPoolExecutor(1) as thread:
             slept = thread.submit(a_rate.sleep)
-            for number, second in enumerate((0, 100, 100.5, 101)):
+            for number, second in enumerate(seconds):
                 eventually(lambda: len(asked) > number, "a look at the clock")
                 self.assertFalse(slept.done(), "ended at %s" % second)
                 rospy.rostime._set_rostime(rospy.Time(second))
             self.assertTrue(slept.result(10))
+        return a_rate.last_time.to_sec()
+
+    def test_period_begins_with_a_simulated_clock_that_begins_during_a_sleep(self):
+        self.assertEqual(101, self.sleep(0, 0, 100, 100.5, 101))
+
+    def test_period_after_a_clock_was_set_back_during_a_sleep_begins_when_that_ends(self):
+        self.assertEqual(11, self.sleep(100, 10, 10.5, 11))
 
     def test_loop_of_a_server_that_needs_to_terminate_does_not_wait(self):
         asked = mock.Mock(lock=threading.RLock(), need_to_terminate=True, is_new_goal_available=lambda: False)

@@ -35,6 +35,7 @@ class Rate(rospy.Rate):
                 left = self.remaining()  # a whole period again if the clock was set back
                 if left <= rospy.Duration():
                     self.last_time += self.sleep_dur
+                    called = min(called, rospy.Time.now())  # the clock may have been set back since
                     if called - self.last_time > self.sleep_dur * 2:  # too late to catch up: start afresh
                         self.last_time = called
                     return True
