@@ -225,7 +225,11 @@ class Endings(NodeCase):
             active.setdefault(one.goal_id.id, message.header.stamp)
             for one in message.status_list if one.status == ACTIVE])
         eventually(topic.get_num_connections, "a connection for the status", server)
-        goals = [busy(scene) for _ in range(5)]
+        goals = []
+        while len(goals) < 5:
+            goals.append(busy(scene))
+            # A rate is the goal's that runs when it is made.
+            eventually(lambda: server.stderr.count("sleeps") == len(goals), "a thread that sleeps", server)
         scene.wait(lambda: set(goals) <= set(active), "each goal ACTIVE")
         topic.unregister()
         late = [one for one in goals if active[one] > scene.feedback[one][0].header.stamp]

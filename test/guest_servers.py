@@ -74,7 +74,9 @@ def polite(server):
 
 
 def sleep(server):
-    say("slept to the end: %s" % server.rate(0.01).sleep())
+    rate = server.rate(0.01)
+    say("sleeps")
+    say("slept to the end: %s" % rate.sleep())
     if server.is_preempt_requested():
         server.set_preempted(RESULT)
 
