@@ -38,17 +38,16 @@ def figures(samples, plan, failures):
         numbers = {"ours": samples.get((figure, "ours")), "plain": samples.get((figure, "plain")),
                    "floor": samples.get((floor, "floor"))}
         value = {kind: statistic(each) * scale if each else None for kind, each in numbers.items()}
-        ours, reference, ratio, met = value["ours"], dict(value, **others).get(ratio_to), None, None
-        if ours is not None and reference and not above:
-            ratio = ours / reference
-        judged = ratio if ratio_to and not above else None if ours is None else ours - (reference or 0) * above
+        judged, reference, met = value["ours"], dict(value, **others).get(ratio_to), None
+        if ratio_to and judged is not None:
+            judged = None if not reference else judged - reference if above else judged / reference
         if target is not None and judged is not None:
             met = judged >= target if at_least else abs(judged) <= target
-        rows.append(dict(value, key=key, label=label, unit=unit, ratio=ratio, ratio_to=ratio_to, target=target,
-                         above=above, at_least=at_least, met=met, why=failures.get(figure),
-                         n={kind: len(each) for kind, each in numbers.items() if each}))
+        rows.append(dict(value, key=key, label=label, unit=unit, ratio=judged if ratio_to and not above else None,
+                         ratio_to=ratio_to, target=target, above=above, at_least=at_least, met=met,
+                         why=failures.get(figure), n={kind: len(each) for kind, each in numbers.items() if each}))
 
-    # The targets are those of version 1.2.
+    # The targets are those of the version after 1.1.0.
     row("cancel_result_median", "cancel → result, median", "ms", median, "cancel", 1e3, "ping", "floor", 1.5)
     row("cancel_result_p99", "cancel → result, p99", "ms", p99, "cancel", 1e3, "ping", "floor", 4, above=True)
     row("newer_active_median", "newer goal → ACTIVE, median", "ms", median, "newer", 1e3, "ping", "floor", 1.8)

@@ -21,7 +21,7 @@ class TestClient(NodeCase):
     def test_stdout_is_the_posts_lines_seven_bowls_by_default_each_there_before_the_next(self, scene):
         scene.server()
         client = scene.node("action_client.py", PYTHONUNBUFFERED="")  # whoever calls us may have set it
-        self.assertEqual(0, client.wait(120), client)
+        self.assertEqual(0, client.wait(60), client)
         self.assertEqual("".join('Feedback received: last_dish_washed: "%s"\n' % bowl for bowl in bowls(7))
                          + "The result is: dishes_washed: \n" + "".join("  - %s\n" % bowl for bowl in bowls(7)),
                          client.stdout)
@@ -213,7 +213,7 @@ class TestClient(NodeCase):
     def test_twenty_clients_at_once(self, scene):
         scene.server()
         clients = [scene.client(1, "__name:=client_%d" % number) for number in range(20)]
-        statuses = [client.wait(120) for client in clients]
+        statuses = [client.wait(60) for client in clients]
         self.assertLessEqual(set(statuses), {0, 1})
         self.assertIn(0, statuses, "the last goal at least is washed: nobody preempts it")
         self.assertEqual([1] * 20, [len(results) for results in scene.results.values()], "one ending for each goal")

@@ -60,9 +60,9 @@ class Reports(NodeCase):
         self.assertEqual((state, result), (raw.client.get_state(), raw.client.get_result().dishes_washed), raw)
         self.assertEqual((state, result), raw.done[-1], raw)
 
-    def prints(self, node, *lines):
-        """The node (Process) ends well, having printed these lines (str), and nothing goes wrong in it."""
-        self.assertEqual(0, node.wait(120), node)
+    def prints(self, node, *lines, timeout=60):
+        """The node (Process) ends well within timeout (s), having printed these lines (str), and says nothing of errors."""
+        self.assertEqual(0, node.wait(timeout), node)
         self.assertEqual(list(lines), node.stdout.splitlines(), node)
         check_quiet(node)
 
@@ -492,7 +492,7 @@ class Reports(NodeCase):
 
     def test_stopped_clients_and_servers_leave_nothing(self, place):
         """ros/actionlib #48, #142; ros/ros_comm #544"""
-        self.prints(place.start(PROGRAMS, "leave_nothing"), "nothing")
+        self.prints(place.start(PROGRAMS, "leave_nothing"), "nothing", timeout=120)
 
     def served_on_a_clock_that_was_set_back_after(self, place, before):
         self.prints(place.alone(simulated=True).start(PROGRAMS, "clock_set_back", before), "SUCCEEDED")
