@@ -61,7 +61,7 @@ class Reports(NodeCase):
         self.assertEqual((state, result), raw.done[-1], raw)
 
     def prints(self, node, *lines, timeout=60):
-        """The node (Process) ends well within timeout (s), having printed these lines (str), and says nothing of errors."""
+        """The node (Process) ends well within timeout (s), having printed these lines (str), and no error."""
         self.assertEqual(0, node.wait(timeout), node)
         self.assertEqual(list(lines), node.stdout.splitlines(), node)
         check_quiet(node)
