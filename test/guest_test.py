@@ -118,8 +118,10 @@ for context, target, terminated in (fork, speak, False), (fork, work, True), (sp
     child = context.Process(target=target, args=[60] if context is spawn else [])
     child.start()
     if terminated:
-        # A signal before the exec is lost, whoever has a handler for it (until Python 3.10).
-        so(lambda: "spawn_main" in str(psutil.Process(child.pid).cmdline())) if context is spawn else started.wait(10)
+        # A signal before the exec is lost, whoever has a handler for it (until Python 3.10). Until then the arguments
+        # are this program's.
+        execed = lambda: "--multiprocessing-fork" in psutil.Process(child.pid).cmdline()
+        so(execed) if context is spawn else started.wait(10)
         child.terminate()
     child.join(10)
     report(child.exitcode)
