@@ -10,6 +10,7 @@ import rospy
 import rostest
 from actionlib_msgs.msg import GoalID
 
+from actions_tutorial.msg import WashTheDishesActionGoal
 from processes import bowls, check_client, printed_bowls
 from raw_client import PREEMPTED, SUCCEEDED
 from scenes import SLACK, NodeCase, Scene, check_partial, check_quiet, concurrently
@@ -19,9 +20,12 @@ from scenes import SLACK, NodeCase, Scene, check_partial, check_quiet, concurren
 class TestClient(NodeCase):
 
     def test_stdout_is_the_posts_lines_seven_bowls_by_default_each_there_before_the_next(self, scene):
+        goals = []
+        rospy.Subscriber(scene.action + "goal", WashTheDishesActionGoal, goals.append)
         scene.server()
         client = scene.node("action_client.py", PYTHONUNBUFFERED="")  # whoever calls us may have set it
         self.assertEqual(0, client.wait(60), client)
+        self.assertLess(len(goals), 4, "one that is confirmed within seconds is repeated no more: %s" % client)
         self.assertEqual("".join('Feedback received: last_dish_washed: "%s"\n' % bowl for bowl in bowls(7))
                          + "The result is: dishes_washed: \n" + "".join("  - %s\n" % bowl for bowl in bowls(7)),
                          client.stdout)
@@ -109,6 +113,7 @@ class TestClient(NodeCase):
         begun = time.monotonic()
         interrupt(client)
         check_partial(client, 2)
+        self.assertIn("goal PREEMPTED: cancelled", client.stderr, client)
         self.assertLess(time.monotonic() - begun, 2 + SLACK, "expected an end within 2 s of %s" % client)
         check_quiet(client)
         result = scene.wait_result()

@@ -9,6 +9,7 @@ import signal
 import socket
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import rospy
 import rostest
@@ -123,6 +124,14 @@ class Reports(NodeCase):
         self.ends(raw)
         self.assertIsNone(raw.client.get_failure())
 
+    def test_client_that_was_stopped_cancels_and_loses_its_goal_without_an_error(self, place):
+        raw = place.meet(heartbeat_timeout=0.5)
+        raw.send()
+        raw.client.action_client.stop()
+        raw.client.cancel_goal()
+        self.assertFalse(raw.client.wait_for_result(PATIENCE), raw)
+        self.assertEqual(LOST, raw.client.get_state(), raw)
+
     def test_server_is_found_when_its_results_and_feedback_get_here_and_not_before(self, place):
         raw = place.meet()
         for topic in "result", "feedback":
@@ -232,12 +241,16 @@ class Reports(NodeCase):
             raw.hear_done(state, result)
             raw.client.send_goal(WashTheDishesGoal(2), again if len(raw.done) < 3 else raw.hear_done)
             sent.set()
+            time.sleep(0.2)  # the fault itself: who waits looks meanwhile
 
         raw.send(done_cb=again)
         for count in range(1, 4):
             sent.clear()
-            raw.result(raw.goals[-1].goal_id.id, count=count, wait=False)
-            self.assertTrue(sent.wait(30), raw)
+            with ThreadPoolExecutor(1) as thread:
+                waited = thread.submit(raw.client.wait_for_result, PATIENCE)
+                raw.result(raw.goals[-1].goal_id.id, count=count, wait=False)
+                self.assertTrue(waited.result(), raw)
+            self.assertTrue(sent.is_set(), raw)
             raw.eventually(lambda: len(raw.goals) == count + 1, "the next goal")
             self.assertFalse(raw.client.wait_for_result(rospy.Duration(0.3)), raw)
         raw.result(raw.goals[-1].goal_id.id, count=4)

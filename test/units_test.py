@@ -27,7 +27,7 @@ from rosgraph.network import encode_ros_handshake_header
 from rospy.impl import registration, tcpros_base
 
 from actions_tutorial import robust
-from actions_tutorial.robust import internals, log, node, peers, rate, server, shutdown
+from actions_tutorial.robust import client, internals, log, node, peers, rate, server, shutdown
 from processes import eventually
 
 STANDS_FOR = {name: getattr(rospy if hasattr(rospy, name) else actionlib, name)
@@ -257,6 +257,23 @@ class Units(unittest.TestCase):
                 with mock.patch.object(rospy.core, "_in_shutdown", shutting_down), self.assertRaisesRegex(
                         rospy.ROSInitException, "^the client of /work cannot start: %s$" % words):
                     robust.SimpleActionClient("work", None)
+
+    def test_server_is_told_of_its_client_once_more_after_3_s_also_where_no_master_answers(self):
+        asked, topic = mock.Mock(_SimpleActionClient__registered=0), mock.Mock(resolved_name="/topic", type="type")
+        with mock.patch.dict("os.environ", ROS_MASTER_URI="http://localhost:1"), \
+                mock.patch.object(rospy, "get_node_uri", return_value="uri"), \
+                mock.patch.object(client, "ask", wraps=client.ask) as ask:
+            for _ in range(2):
+                robust.SimpleActionClient._SimpleActionClient__register_again(asked, [topic, topic])
+        self.assertEqual(2, ask.call_count)
+
+    def test_server_is_there_when_it_sends_its_results_and_feedback_here_not_elsewhere(self):
+        asked = mock.Mock(action_client=mock.Mock(**{
+            "result_sub.resolved_name": "/result", "feedback_sub.resolved_name": "/feedback"}))
+        for peer in "elsewhere", rospy.get_name():
+            connections = [(1, rospy.get_name(), "o", "TCPROS", "/result"), (2, peer, "o", "TCPROS", "/feedback")]
+            with self.subTest(peer), mock.patch.object(client, "ask_node", return_value=connections):
+                self.assertEqual(peer != "elsewhere", robust.SimpleActionClient._SimpleActionClient__ask_server(asked))
 
     def test_answer_of_more_than_a_second_ago_is_asked_for_again(self):
         now, go_on, before = [0], threading.Event(), threading.active_count()

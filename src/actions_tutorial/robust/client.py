@@ -33,7 +33,7 @@ from .parameters import get_params
 Seconds = Union[genpy.Duration, float]
 
 REPEATED_AFTER = 1.0  # s without a word of the server about a goal
-LOOKS = 0.5  # s between two looks at the goal, at most
+LOOKS = 0.5  # s between two looks at the goal
 LIVING = 6  # times heartbeat_timeout: the patience with a server whose node answers
 
 
@@ -121,7 +121,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         except NO_ANSWER:
             return True  # it cannot be asked
         sent = {topic for _, peer, _, _, topic, *_ in connections if peer == rospy.get_name()}
-        return {client.result_sub.resolved_name, client.feedback_sub.resolved_name} <= sent and not rospy.is_shutdown()
+        return {client.result_sub.resolved_name, client.feedback_sub.resolved_name} <= sent
 
     def __register_again(self, publishers: tuple) -> None:
         """Have the master tell the server of us once more. Without it, a server without robust that has dropped our
@@ -168,7 +168,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
 
         Both: rospy.Duration or s, on the ROS clock (0: for ever). Returns the state (actionlib_msgs/GoalStatus).
         """
-        return super().send_goal_and_wait(goal, _duration(execute_timeout), _duration(preempt_timeout))
+        return super().send_goal_and_wait(goal, execute_timeout, _duration(preempt_timeout))
 
     def wait_for_result(self, timeout: Seconds = rospy.Duration()) -> bool:
         """Wait for the goal's ending.
@@ -193,14 +193,6 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                         return False
         return goal.is_over and goal.latest_goal_status.status != GoalStatus.LOST
 
-    def cancel_goal(self) -> None:
-        """Ask the server to stop the goal, if it has not ended. Otherwise nothing changes."""
-        goal = self.__goal()
-        if goal:
-            goal.cancel()
-        else:
-            super().cancel_goal()
-
     def get_state(self) -> int:
         """Returns the goal's state (actionlib_msgs/GoalStatus): PENDING or ACTIVE until its ending and its result are
         there; LOST without a goal."""
@@ -210,13 +202,6 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         # Without it, the state is SUCCEEDED with the status, and get_result() None still. The simple states have the
         # same numbers.
         return goal.simple_state if goal.simple_state != SimpleGoalState.DONE else goal.latest_goal_status.status
-
-    def get_result(self) -> Optional[genpy.Message]:
-        """Returns the goal's result, or None as long as there is none."""
-        goal = self.__goal()  # actionlib looks twice for it, and another thread may send the next one in between
-        if not goal:
-            return super().get_result()
-        return goal.latest_result and goal.latest_result.result
 
     def get_goal_status_text(self) -> str:
         """Returns the server's words or, if the server has given the goal no ending, why."""
@@ -281,7 +266,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         that rospy dropped is lost (rospy/topics.py, add_connection: when a peer connects twice)."""
         ros, wall = rospy.get_time(), time.monotonic()
         while True:
-            time.sleep(min(LOOKS, self.__heartbeat_timeout / 4))
+            time.sleep(LOOKS)
             ros_before, wall_before, ros, wall = ros, wall, rospy.get_time(), time.monotonic()
             with self.action_client.manager.list_mutex:
                 goal = self.__goal()
@@ -356,12 +341,11 @@ class _Goal(CommStateMachine):
     def send_cancel_fn(self, message: Any) -> None:
         """In place of the library's, whose handle asks a server to stop what has ended, too."""
         if self.state != CommState.DONE:
-            self.send_cancel(message)
+            with contextlib.suppress(rospy.ROSException):  # the client was stopped
+                self.send_cancel(message)
 
     def cancel(self) -> None:
-        """Ask the server to stop it, if it has not ended."""
-        with contextlib.suppress(rospy.ROSException):  # the client was stopped
-            actionlib.ClientGoalHandle(self).cancel()
+        actionlib.ClientGoalHandle(self).cancel()
 
     def lose(self, why: str) -> None:
         """End it here, and say why."""

@@ -10,7 +10,7 @@ from actionlib_msgs.msg import GoalStatus
 
 TESTED = {"rospy": "1.15.9 to 1.17.4", "actionlib": "1.13.2 to 1.14.3"}
 # Of a master or a node that is asked:
-NO_ANSWER = OSError, http.client.HTTPException, xmlrpc.client.Error, rosgraph.MasterException
+NO_ANSWER = OSError, http.client.HTTPException, xmlrpc.client.Error
 
 
 class CannotStart(rospy.ROSInitException, SystemExit):
@@ -64,11 +64,9 @@ def impatient_proxy(uri, timeout=0.5):
 
 
 def ask(uri, call, *arguments, timeout=0.5):
-    """Returns the value that a master or a node answers to a call (str) of ROS's API. Raises one of NO_ANSWER."""
-    code, text, value = getattr(impatient_proxy(uri, timeout), call)(rospy.get_name(), *arguments)
-    if code != 1:
-        raise rosgraph.MasterFailure(text)
-    return value
+    """Returns the value that a master or a node answers to a call (str) of ROS's API. Raises one of NO_ANSWER.
+    That of a node that the master does not know is an empty URI, and then, too."""
+    return getattr(impatient_proxy(uri, timeout), call)(rospy.get_name(), *arguments)[2]
 
 
 def ask_node(name, call, timeout=0.5):
