@@ -128,7 +128,6 @@ class Reports(NodeCase):
         raw = place.meet(heartbeat_timeout=0.5)
         raw.send()
         raw.client.action_client.stop()
-        raw.client.cancel_goal()
         self.assertFalse(raw.client.wait_for_result(PATIENCE), raw)
         self.assertEqual(LOST, raw.client.get_state(), raw)
 
@@ -263,16 +262,17 @@ class Reports(NodeCase):
             def broken(*_):
                 raise error("by the test's own callback")
 
-            goal = raw.send(**{name: broken})
+            goal, fed = raw.send(**{name: broken}), len(raw.fed) + (name != "feedback_cb")
             raw.feedback(goal, "bowl-0", wait=False)
             raw.result(goal, wait=False)  # also ACTIVE by it
             self.assertTrue(raw.client.wait_for_result(PATIENCE), "%s: %s" % (name, raw))
+            raw.eventually(lambda: len(raw.fed) == fed, "its feedback, which the result may have overtaken")
             self.assertEqual(SUCCEEDED, raw.client.get_state(), name)
         goal = raw.send()
         raw.feedback(goal, "bowl-1", wait=False)
         raw.result(goal, wait=False)
         self.ends(raw)
-        raw.eventually(lambda: raw.fed == ["bowl-0"] * 4 + ["bowl-1"], "all feedback")
+        raw.eventually(lambda: raw.fed == ["bowl-0"] * 4 + ["bowl-1"], "the last feedback")
         self.assertEqual((5, 5), (len(raw.done), len(raw.active)), raw)
 
     def test_last_feedback_is_heard_though_its_callback_is_slow(self, place):
