@@ -124,12 +124,14 @@ class Reports(NodeCase):
         self.ends(raw)
         self.assertIsNone(raw.client.get_failure())
 
-    def test_client_that_was_stopped_cancels_and_loses_its_goal_without_an_error(self, place):
+    def test_client_that_was_stopped_loses_its_goal_without_an_error_and_sends_none(self, place):
         raw = place.meet(heartbeat_timeout=0.5)
         raw.send()
         raw.client.action_client.stop()
         self.assertFalse(raw.client.wait_for_result(PATIENCE), raw)
         self.assertEqual(LOST, raw.client.get_state(), raw)
+        with self.assertRaises(rospy.ROSException):
+            raw.client.send_goal(WashTheDishesGoal(1))
 
     def test_server_is_found_when_its_results_and_feedback_get_here_and_not_before(self, place):
         raw = place.meet()

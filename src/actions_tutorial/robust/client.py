@@ -264,20 +264,21 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     def __watch(self) -> None:
         """Look after the goal until it has ended. Without it, a client whose server is gone waits for ever, and a goal
         that rospy dropped is lost (rospy/topics.py, add_connection: when a peer connects twice)."""
-        ros, wall = rospy.get_time(), time.monotonic()
+        now = rospy.get_time()
         while True:
             time.sleep(LOOKS)
-            ros_before, wall_before, ros, wall = ros, wall, rospy.get_time(), time.monotonic()
+            before, now = now, rospy.get_time()
             with self.action_client.manager.list_mutex:
                 goal = self.__goal()
                 if not goal or goal.simple_state == SimpleGoalState.DONE or rospy.is_shutdown():
                     self.__watcher = None
                     return
-            # What counts is time that passed on both clocks, so neither a paused simulation nor a jump of its clock is
-            # silence; and no more than one look's, for we may have been stopped ourselves.
-            goal.silence += max(0.0, min(ros - ros_before, wall - wall_before, LOOKS))
+            # A paused simulation is no silence. No more than one look's time counts: the clock may have jumped, and we
+            # may have been stopped ourselves.
+            goal.silence += max(0.0, min(now - before, LOOKS))
             speaks_of_others = goal.look()
-            if goal.state == CommState.WAITING_FOR_GOAL_ACK and wall - goal.sent_at >= REPEATED_AFTER:
+            if goal.state == CommState.WAITING_FOR_GOAL_ACK and \
+                    time.monotonic() - goal.sent_at >= REPEATED_AFTER:
                 goal.send_again()
             if goal.silence > self.__heartbeat_timeout and (
                     speaks_of_others or goal.silence > LIVING * self.__heartbeat_timeout or not self.__server_lives()):
