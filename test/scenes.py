@@ -59,7 +59,7 @@ class ServerCase(unittest.TestCase):
     def start_server(cls):
         cls.scene = Scene("")
         cls.addClassCleanup(cls.scene.stop)
-        cls.scene.server(cls.script)
+        cls.server = cls.scene.server(cls.script)
         cls.clock.lead(cls.scene)
 
     def setUp(self):

@@ -1,5 +1,8 @@
 #!/usr/bin/python3
 """Simulated time is the only time of server and client: running fast, standing still, set back."""
+import signal
+import time
+
 import rospy
 import rostest
 
@@ -61,15 +64,25 @@ class TestSimulatedTime(ServerCase):
 
     def test_client_is_patient_while_the_clock_stands(self):
         self.clock.run(0.08, 0.02)
-        client = self.scene.client(3, "_heartbeat_timeout:=1")
+        client = self.scene.client(3, "_heartbeat_timeout:=0.5")
         client.expect("bowl-1")
         self.clock.stop()
         with self.assertRaises(AssertionError, msg="a bowl while the clock stands"):
-            client.expect("bowl-2", timeout=4)  # the fault itself: four times ~heartbeat_timeout
+            client.expect("bowl-2", timeout=6)  # the fault itself: twice the patience with a server that lives
         self.assertTrue(client.running(), client)
         self.clock.run(0.08, 0.02)
         check_client(client, 0, 3)
         self.assertEqual("", client.stderr, "expected no alarm")
+
+    def test_client_is_patient_with_a_server_that_is_stopped_while_the_clock_jumps(self):
+        self.clock.run(0.08, 0.02)
+        client = self.scene.client(3)
+        client.expect("bowl-0")
+        self.server.signal(signal.SIGSTOP)
+        self.clock.turn(1000)
+        time.sleep(1)  # the fault itself: the client looks twice
+        self.server.signal(signal.SIGCONT)
+        check_client(client, 0, 3)
 
     def test_client_washes_on_when_the_clock_is_set_back(self):
         self.clock.run(0.08, 0.02)

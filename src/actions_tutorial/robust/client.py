@@ -275,7 +275,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                     return
             # A paused simulation is no silence. No more than one look's time counts: the clock may have jumped, and we
             # may have been stopped ourselves.
-            goal.silence += max(0.0, min(now - before, LOOKS))
+            goal.silence += min(now - before, LOOKS)
             speaks_of_others = goal.look()
             if goal.state == CommState.WAITING_FOR_GOAL_ACK and \
                     time.monotonic() - goal.sent_at >= REPEATED_AFTER:
