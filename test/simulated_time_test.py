@@ -79,8 +79,9 @@ class TestSimulatedTime(ServerCase):
         client = self.scene.client(3)
         client.expect("bowl-0")
         self.server.signal(signal.SIGSTOP)
+        time.sleep(1)  # the client looks after its last status
         self.clock.turn(1000)
-        time.sleep(1)  # the fault itself: the client looks twice
+        time.sleep(1)  # the fault itself: the client looks again
         self.server.signal(signal.SIGCONT)
         check_client(client, 0, 3)
 
