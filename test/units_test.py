@@ -23,6 +23,8 @@ from unittest import mock
 import actionlib
 import rospy
 import rosunit
+from actionlib.msg import TestActionGoal, TestActionResult
+from actionlib_msgs.msg import GoalStatus
 from rosgraph.network import encode_ros_handshake_header
 from rospy.impl import registration, tcpros_base
 
@@ -272,6 +274,21 @@ class Units(unittest.TestCase):
             connections = [(1, rospy.get_name(), "o", "TCPROS", "/result"), (2, peer, "o", "TCPROS", "/feedback")]
             with mock.patch.object(client, "ask_node", return_value=connections):
                 self.assertEqual(peer != "elsewhere", robust.SimpleActionClient._SimpleActionClient__ask_server(asked))
+
+    def test_goal_that_is_lost_while_its_result_comes_has_one_ending(self):
+        def send_cancel(_):  # which lose() does
+            threads.append(thread.submit(goal.update_result, result))
+            threading.Event().wait(0.1)
+
+        threads, ends, sent, result = [], [], TestActionGoal(), TestActionResult()
+        sent.goal_id.id = result.status.goal_id.id = "id"
+        result.status.status = GoalStatus.SUCCEEDED
+        goal = client._Goal(sent, lambda gh: ends.append(gh.get_goal_status()), None, None, send_cancel)
+        goal.begin()
+        with ThreadPoolExecutor(1) as thread:
+            goal.lose("why")
+            threads[0].result()
+        self.assertEqual(([GoalStatus.LOST], GoalStatus.LOST), (ends[-1:], goal.latest_goal_status.status))
 
     def test_answer_of_more_than_a_second_ago_is_asked_for_again(self):
         now, go_on, before = [0], threading.Event(), threading.active_count()

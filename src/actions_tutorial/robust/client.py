@@ -357,12 +357,11 @@ class _Goal(CommStateMachine):
                 super()._mark_as_lost()
 
     def update_status(self, status_array: Any) -> None:
-        with self.mutex:
-            if any(status.goal_id.id == self.action_goal.goal_id.id for status in status_array.status_list):
-                self.mentioned = self.is_known = True
-            else:
-                self.passed_over = True
-            super().update_status(status_array)
+        if any(status.goal_id.id == self.action_goal.goal_id.id for status in status_array.status_list):
+            self.mentioned = self.is_known = True
+        else:
+            self.passed_over = True
+        super().update_status(status_array)
 
     def update_result(self, action_result: Any) -> None:
         with self.mutex:
