@@ -4,6 +4,7 @@
 A node with the program's name; NAME is that of a function here. What it prints is its finding.
 """
 import contextlib
+import faulthandler
 import gc
 import os
 import socket
@@ -183,8 +184,13 @@ def leave_nothing():
     eventually(lambda: lefts.append(left()) or lefts[-1] == lefts[-10:][0] and len(lefts) > 10, "no change", pause=0.2)
     for number in range(20):
         come_and_go(number)
-    eventually(lambda: all(now <= then + 1 for now, then in zip(left(), lefts[-1])),
-               "threads, connections, objects after 20 more as after 3, %s" % (lefts[-1],), timeout=10)
+    try:
+        eventually(lambda: all(now <= then + 1 for now, then in zip(left(), lefts[-1])),
+                   "threads, connections, objects after 20 more as after 3, %s" % (lefts[-1],), timeout=10)
+    except AssertionError:
+        print(left(), *here)
+        faulthandler.dump_traceback()
+        raise
     print("nothing")
 
 
