@@ -185,7 +185,8 @@ def leave_nothing():
     for number in range(20):
         come_and_go(number)
     try:
-        eventually(lambda: all(now <= then + 1 for now, then in zip(left(), lefts[-1])),
+        # A leak would be 20 of each; the master's own requests to this node have threads, too, some more or some less.
+        eventually(lambda: all(now < then + 10 for now, then in zip(left(), lefts[-1])),
                    "threads, connections, objects after 20 more as after 3, %s" % (lefts[-1],), timeout=10)
     except AssertionError:
         print(left(), *here)
