@@ -420,10 +420,14 @@ class Units(unittest.TestCase):
         robust.SimpleActionServer._SimpleActionServer__execute(asked, None)
         self.assertEqual([], asked.mock_calls)
 
-    def test_second_server_is_looked_for_in_vain_where_no_master_answers(self):
-        asked = mock.Mock(_SimpleActionServer__name="/action")
-        with mock.patch.dict("os.environ", ROS_MASTER_URI="http://localhost:1"):
-            robust.SimpleActionServer._SimpleActionServer__look_for_twins(asked)
+    def test_first_server_in_the_node_is_named_unless_it_was_stopped_also_where_no_master_answers(self):
+        for started in True, False:
+            asked, first = mock.Mock(_SimpleActionServer__name="/action"), mock.Mock()
+            first.action_server.started, server._servers["/action"] = started, first
+            with mock.patch.dict("os.environ", ROS_MASTER_URI="http://localhost:1"), \
+                    mock.patch.object(rospy, "logwarn") as warned:
+                robust.SimpleActionServer._SimpleActionServer__look_for_twins(asked)
+            self.assertEqual(started, warned.called)
 
     def test_rate_that_serves_several_goals_ends_one_sleep_for_each_that_is_taken_over(self):
         asked = mock.Mock(_SimpleActionServer__taken_over=0, is_preempt_requested=lambda: False)

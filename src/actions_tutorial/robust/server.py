@@ -226,7 +226,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def __look_for_twins(self):
         """Without it, each client of two servers of one action sees everything twice, and nobody says why."""
         twin = _servers.setdefault(self.__name, self)
-        others = {rospy.get_name()} if twin is not self else set()
+        others = {rospy.get_name()} if twin is not self and twin.action_server.started else set()
         _servers[self.__name] = self
         try:
             publishers, _, _ = ask(rosgraph.get_master_uri(), "getSystemState", timeout=2)
