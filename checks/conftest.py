@@ -153,7 +153,7 @@ class Machine(Group):
                                    "--kill-child", "env", "--ignore-signal=CHLD", "sleep", "infinity")
         self.init = eventually(lambda: [child.pid for child in namespaces.usage.children() if child.name() == "sleep"],
                                "a machine", namespaces)[0]
-        self.path = pathlib.Path("/proc/%d/root/mnt" % self.init)
+        self.path = pathlib.Path("/proc", str(self.init), "root", "mnt")
         self.enter = ["nsenter", "--mount", "--pid", "--target", str(self.init)]
         # A limit, not what it takes; rosbag warns below 5 GB.
         for command in ("mount -t tmpfs -o size=16G,mode=755 tmpfs /mnt", "cp -a %s/. /mnt" % base,

@@ -68,6 +68,7 @@ class HostileInput(NodeCase):
             connections = connect_many(data)
             client = scene.client(1)
             self.assertEqual(0, client.wait(), "%s: %s" % (kind, client))
+            check_client(client, 0, 1)
             for connection in connections:
                 connection.close()
         eventually(lambda: server.usage.num_fds() <= open_before + 5,

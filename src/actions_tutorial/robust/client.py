@@ -277,8 +277,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             # may have been stopped ourselves.
             goal.silence += min(now - before, LOOKS)
             speaks_of_others = goal.look()
-            if goal.state == CommState.WAITING_FOR_GOAL_ACK and \
-                    time.monotonic() - goal.sent_at >= REPEATED_AFTER:
+            if goal.state == CommState.WAITING_FOR_GOAL_ACK and time.monotonic() - goal.sent_at >= REPEATED_AFTER:
                 goal.send_again()
             if goal.silence > self.__heartbeat_timeout and (
                     speaks_of_others or goal.silence > LIVING * self.__heartbeat_timeout or not self.__server_lives()):
