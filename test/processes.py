@@ -1,5 +1,6 @@
 """The processes of a test: started, read as they speak, measured, signalled, and none left behind. A master is one."""
 import atexit
+import contextlib
 import os
 import re
 import shutil
@@ -96,10 +97,10 @@ class Process:
         self.wait()
 
     def _kill(self):
-        try:
-            os.killpg(self._popen.pid, signal.SIGKILL)
-        except ProcessLookupError:
-            pass
+        # Once it has ended and nothing is left of its group, the system may give its number to a stranger, who lives.
+        if self.running() or not psutil.pid_exists(self._popen.pid):
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self._popen.pid, signal.SIGKILL)
         atexit.unregister(self._kill)
 
     def _read(self, name, pipe):
