@@ -487,6 +487,16 @@ class Reports(NodeCase):
         first, second = raw.goals[:2]
         self.assertEqual((first.goal_id, 3), (second.goal_id, second.goal.number_of_minutes))
 
+    def test_goal_that_was_just_sent_is_not_sent_again(self, place):
+        """The client looks at its goal twice a second."""
+        raw, late = place.meet(), 0
+        for _ in range(10):
+            begun, goal = time.monotonic(), raw.send()
+            time.sleep(0.2)  # the server thinks
+            raw.result(goal)
+            late += time.monotonic() - begun >= 1
+        self.assertLessEqual(len(raw.goals), 10 + late, raw)
+
     # --- in programs ---
 
     def test_goals_that_follow_each_other_fast_are_not_complained_of_and_the_last_one_ends(self, place):
