@@ -29,8 +29,9 @@ class RawServer:
 
     What it sends, the client has heard when the call returns: rospy calls the subscribers of a topic in the order in
     which they were made, and ours came after the client's. With wait=False, for a callback that blocks, it may not.
-    goals: [WashTheDishesActionGoal] that came; cancels: ids of those that came; done: [(state, bowls)], fed: [bowl],
-    active: [True] as the client's callbacks were called, in the order in which send() gave them.
+    goals: [WashTheDishesActionGoal] that came; ids: theirs, each once: a client repeats a goal that waits for its
+    answer; cancels: ids of those that came; done: [(state, bowls)], fed: [bowl], active: [True] as the client's
+    callbacks were called, in the order in which send() gave them.
     """
 
     def __init__(self, action, **options):
@@ -64,15 +65,19 @@ class RawServer:
     def eventually(self, condition, what, timeout=50):
         return eventually(condition, what, self, timeout=timeout, news=self._news)
 
+    @property
+    def ids(self):
+        return list(dict.fromkeys(goal.goal_id.id for goal in self.goals))
+
     def send(self, minutes=1, **callbacks):
         """Have the client send a goal, with callbacks that keep what they hear unless given, and wait until it is here.
         Returns its id (str)."""
-        already = len(self.goals)
+        already = len(self.ids)
         self.client.send_goal(WashTheDishesGoal(minutes), **dict(dict(
             done_cb=self.hear_done, active_cb=lambda: self.active.append(True),
             feedback_cb=lambda one: self.fed.append(one.last_dish_washed)), **callbacks))
-        self.eventually(lambda: len(self.goals) > already, "a goal that comes")
-        return self.goals[-1].goal_id.id
+        self.eventually(lambda: len(self.ids) > already, "a goal that comes")
+        return self.ids[-1]
 
     def hear_done(self, state, result):
         self._keep(self.done.append, (state, result and result.dishes_washed))

@@ -249,12 +249,12 @@ class Reports(NodeCase):
             sent.clear()
             with ThreadPoolExecutor(1) as thread:
                 waited = thread.submit(raw.client.wait_for_result, PATIENCE)
-                raw.result(raw.goals[-1].goal_id.id, count=count, wait=False)
+                raw.result(raw.ids[-1], count=count, wait=False)
                 self.assertTrue(waited.result(), raw)
             self.assertTrue(sent.is_set(), raw)
-            raw.eventually(lambda: len(raw.goals) == count + 1, "the next goal")
+            raw.eventually(lambda: len(raw.ids) == count + 1, "the next goal")
             self.assertFalse(raw.client.wait_for_result(rospy.Duration(0.3)), raw)
-        raw.result(raw.goals[-1].goal_id.id, count=4)
+        raw.result(raw.ids[-1], count=4)
         self.ends(raw, result=bowls(4))
         self.assertEqual([(SUCCEEDED, bowls(count)) for count in range(1, 5)], raw.done, raw)
 
@@ -312,8 +312,8 @@ class Reports(NodeCase):
         raw, answers = place.meet(), []
 
         def answer():
-            raw.eventually(lambda: raw.goals, "a goal")
-            goal = raw.goals[0].goal_id.id
+            raw.eventually(lambda: raw.ids, "a goal")
+            goal = raw.ids[0]
             raw.feedback(goal, "bowl-0")
             raw.status((goal, ACTIVE))
             raw.result(goal)
@@ -348,8 +348,7 @@ class Reports(NodeCase):
         inside.acquire()
         threads[1].start()
         [thread.join(30) for thread in threads]
-        raw.eventually(lambda: len(raw.goals) == 2, "both goals")
-        self.assertEqual(2, len({goal.goal_id.id for goal in raw.goals}), raw)
+        raw.eventually(lambda: len(raw.ids) == 2, "both goals")
         for goal in raw.goals:
             raw.result(goal.goal_id.id, count=goal.goal.number_of_minutes)
         self.assertTrue(raw.client.wait_for_result(PATIENCE), raw)
@@ -385,7 +384,7 @@ class Reports(NodeCase):
             self.assertEqual(LOST, raw.client.get_state(), "without a goal after %s" % wrong)
             raw.result(raw.send())
             self.ends(raw)
-        self.assertEqual(3, len(raw.goals), raw)
+        self.assertEqual(3, len(raw.ids), raw)
 
     # --- what is sent, in whatever order ---
 
