@@ -17,6 +17,7 @@ from processes import bowls, eventually
 PLAIN = os.environ.get("ACTIONLIB") == "plain"  # try the same on actionlib itself
 library = actionlib if PLAIN else robust
 PATIENCE = rospy.Duration(50)
+KINDS = dict(status=GoalStatusArray, result=WashTheDishesActionResult, feedback=WashTheDishesActionFeedback)
 
 
 def client_of(action, kind=WashTheDishesAction, **options):
@@ -38,15 +39,23 @@ class RawServer:
         self.action, self.goals, self.cancels, self.done, self.fed, self.active = action, [], [], [], [], []
         self.client = client_of(action, **options)
         self._news, self._heard, self._numbers, self._sent = threading.Condition(), set(), itertools.count(), []
-        kinds = dict(status=GoalStatusArray, result=WashTheDishesActionResult, feedback=WashTheDishesActionFeedback)
-        self._publishers = {topic: rospy.Publisher("%s/%s" % (action, topic), kind, queue_size=1000,
-                                                   latch=topic == "status") for topic, kind in kinds.items()}
+        self._publishers = {}
+        for topic in KINDS:
+            self.publish(topic)
         self._subscribers = [rospy.Subscriber("%s/%s" % (action, topic), kind, callback) for topic, kind, callback in (
-            *((topic, kind, self._hear) for topic, kind in kinds.items()),
+            *((topic, kind, self._hear) for topic, kind in KINDS.items()),
             ("goal", WashTheDishesActionGoal, lambda one: self._keep(self.goals.append, one)),
             ("cancel", GoalID, lambda one: self._keep(self.cancels.append, one.id)))]
         self.status()
         assert self.client.wait_for_server(PATIENCE), "expected to be found: %s" % self
+
+    def publish(self, topic):
+        """From now on, or again after unpublish()."""
+        self._publishers[topic] = rospy.Publisher(
+            "%s/%s" % (self.action, topic), KINDS[topic], queue_size=1000, latch=topic == "status")
+
+    def unpublish(self, topic):
+        self._publishers.pop(topic).unregister()
 
     def close(self):
         self.client.stop_tracking_goal()

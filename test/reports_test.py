@@ -136,11 +136,9 @@ class Reports(NodeCase):
     def test_server_is_found_when_its_results_and_feedback_get_here_and_not_before(self, place):
         raw = place.meet()
         for topic in "result", "feedback":
-            old = raw._publishers[topic]
-            name, kind = old.name, old.data_class
-            old.unregister()
+            raw.unpublish(topic)
             self.assertFalse(raw.client.wait_for_server(0.3), topic)
-            raw._publishers[topic] = rospy.Publisher(name, kind, queue_size=1)
+            raw.publish(topic)
             self.assertTrue(raw.client.wait_for_server(PATIENCE), topic)
 
     def test_silent_peer_of_a_node_of_rospys_keeps_no_client_from_its_server(self, place):
@@ -387,6 +385,30 @@ class Reports(NodeCase):
         self.assertEqual(3, len(raw.ids), raw)
 
     # --- what is sent, in whatever order ---
+
+    def test_goal_whose_answer_is_here_is_not_lost_while_a_callback_takes_its_time(self, place):
+        raw, lost = place.meet(heartbeat_timeout=0.2), threading.Event()
+        goal = raw.send(active_cb=lambda: lost.wait(5), done_cb=lambda *said: [lost.set(), raw.hear_done(*said)])
+        raw.result(goal, wait=False)
+        self.ends(raw)
+        raw.status((goal, SUCCEEDED))  # so that whoever waited has gone on
+        self.assertEqual(SUCCEEDED, raw.client.get_state(), raw)
+
+    def test_older_goal_is_not_told_to_the_callbacks_of_the_newer_one_which_is_sent_meanwhile(self, place):
+        raw, reads, told = place.meet(), threading.Event(), []
+
+        def done_cb(client):
+            reads.set()
+            time.sleep(0.3)
+            return vars(client)["done_cb"]
+
+        raw.client.__class__ = type("Slow", (type(raw.client),), {
+            "done_cb": property(done_cb, lambda client, callback: vars(client).update(done_cb=callback))})
+        raw.result(raw.send(), wait=False)
+        reads.wait(30)
+        raw.client.send_goal(WashTheDishesGoal(2), *[lambda *_: told.append(True)] * 2)
+        raw.result("nobody's")  # the topic keeps its order: the other one was heard
+        self.assertEqual([], told, raw)
 
     def test_state_is_an_ending_when_the_result_is_there_and_not_before(self, place):
         """ros/actionlib #116"""

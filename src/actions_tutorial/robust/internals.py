@@ -77,7 +77,7 @@ def ask_node(name, call, timeout=0.5):
 def clear(publisher):
     """Without it, what is written of a message that cannot be sent stays in rospy's buffer and goes out with the next
     one (rospy/topics.py, publish)."""
-    if publisher.impl and not publisher.impl.buff.closed:
+    if publisher.impl:
         publisher.impl.buff.seek(0)
         publisher.impl.buff.truncate(0)
 
