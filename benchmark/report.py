@@ -42,7 +42,7 @@ def figures(samples, plan, failures):
         if ratio_to and judged is not None:
             judged = None if not reference else judged - reference if above else judged / reference
         if target is not None and judged is not None:
-            met = judged >= target if at_least else abs(judged) <= target
+            met = judged >= target if at_least else judged <= target
         rows.append(dict(value, key=key, label=label, unit=unit, ratio=judged if ratio_to and not above else None,
                          ratio_to=ratio_to, target=target, above=above, at_least=at_least, met=met,
                          why=failures.get(figure), n={kind: len(each) for kind, each in numbers.items() if each}))
@@ -56,7 +56,7 @@ def figures(samples, plan, failures):
     row("no_bowls_median", "goal of no bowls → result, median", "ms", median, "no bowls", 1e3, "ping", "floor", 1.3)
     row("bowl_error_p99", "error of a bowl's second, p99", "ms", p99, "bowl", 1e3, ratio_to="plain", target=1,
         above=True)
-    row("drift", "drift over %d bowls" % plan["bowls"], "ms", median, "drift", 1e3, target=1)
+    row("drift", "drift over %d bowls" % plan["bowls"], "ms", lambda values: abs(median(values)), "drift", 1e3, target=1)
     row("idle_cpu", "idle, CPU", "%", median, "idle", ratio_to="plain", target=1.05)
     row("memory", "idle, resident memory", "MiB", median, "memory", ratio_to="plain", target=1.05)
     row("cpu_bowl_small", "CPU a bowl, simulated time, n = %d" % small, "ms", median, "sim %d" % small, 1e3)
