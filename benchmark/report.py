@@ -56,7 +56,8 @@ def figures(samples, plan, failures):
     row("no_bowls_median", "goal of no bowls → result, median", "ms", median, "no bowls", 1e3, "ping", "floor", 1.3)
     row("bowl_error_p99", "error of a bowl's second, p99", "ms", p99, "bowl", 1e3, ratio_to="plain", target=1,
         above=True)
-    row("drift", "drift over %d bowls" % plan["bowls"], "ms", lambda values: abs(median(values)), "drift", 1e3, target=1)
+    row("drift", "drift over %d bowls" % plan["bowls"], "ms", lambda values: abs(median(values)), "drift", 1e3,
+        target=1)
     row("idle_cpu", "idle, CPU", "%", median, "idle", ratio_to="plain", target=1.05)
     row("memory", "idle, resident memory", "MiB", median, "memory", ratio_to="plain", target=1.05)
     row("cpu_bowl_small", "CPU a bowl, simulated time, n = %d" % small, "ms", median, "sim %d" % small, 1e3)
