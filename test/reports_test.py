@@ -387,8 +387,8 @@ class Reports(NodeCase):
     # --- what is sent, in whatever order ---
 
     def test_goal_whose_answer_is_here_is_not_lost_while_a_callback_takes_its_time(self, place):
-        raw, lost = place.meet(heartbeat_timeout=0.2), threading.Event()
-        goal = raw.send(active_cb=lambda: lost.wait(5), done_cb=lambda *said: [lost.set(), raw.hear_done(*said)])
+        raw, lost = place.meet(heartbeat_timeout=0.5), threading.Event()
+        goal = raw.send(active_cb=lambda: lost.wait(8), done_cb=lambda *said: [lost.set(), raw.hear_done(*said)])
         raw.result(goal, wait=False)
         self.ends(raw)
         raw.status((goal, SUCCEEDED))  # so that whoever waited has gone on
@@ -405,7 +405,7 @@ class Reports(NodeCase):
         raw.client.__class__ = type("Slow", (type(raw.client),), {
             "done_cb": property(done_cb, lambda client, callback: vars(client).update(done_cb=callback))})
         raw.result(raw.send(), wait=False)
-        reads.wait(30)
+        self.assertTrue(reads.wait(30), raw)
         raw.client.send_goal(WashTheDishesGoal(2), *[lambda *_: told.append(True)] * 2)
         raw.result("nobody's")  # the topic keeps its order: the other one was heard
         self.assertEqual([], told, raw)
