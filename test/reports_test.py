@@ -386,14 +386,6 @@ class Reports(NodeCase):
 
     # --- what is sent, in whatever order ---
 
-    def test_goal_whose_answer_is_here_is_not_lost_while_a_callback_takes_its_time(self, place):
-        raw, lost = place.meet(heartbeat_timeout=0.5), threading.Event()
-        goal = raw.send(active_cb=lambda: lost.wait(8), done_cb=lambda *said: [lost.set(), raw.hear_done(*said)])
-        raw.result(goal, wait=False)
-        self.ends(raw)
-        raw.status((goal, SUCCEEDED))  # so that whoever waited has gone on
-        self.assertEqual(SUCCEEDED, raw.client.get_state(), raw)
-
     def test_older_goal_is_not_told_to_the_callbacks_of_the_newer_one_which_is_sent_meanwhile(self, place):
         raw, reads, told = place.meet(), threading.Event(), []
 

@@ -232,7 +232,7 @@ class Units(unittest.TestCase):
         caller.put.call_args[0][0]()
         self.assertEqual([*map(str, range(1000)), "later", "['then']"], said)
 
-    def test_flush_waits_for_the_lines_so_far_and_the_end_of_a_partflushes(self):
+    def test_flush_waits_for_the_lines_so_far_and_the_end_of_a_node_flushes(self):
         said = self.logged()
         with closer() as one, mock.patch.object(shutdown, "CLOSED_WITHIN", 0):
             log._soon.append(lambda: "first")
@@ -275,20 +275,38 @@ class Units(unittest.TestCase):
             with mock.patch.object(client, "ask_node", return_value=connections):
                 self.assertEqual(peer != "elsewhere", robust.SimpleActionClient._SimpleActionClient__ask_server(asked))
 
+    def goal_and_result(self, told, send_cancel=None):
+        """Returns a goal that calls these functions with its handle and with a cancel, and its result, SUCCEEDED."""
+        sent, result = TestActionGoal(), TestActionResult()
+        sent.goal_id.id = result.status.goal_id.id = "id"
+        result.status.status = GoalStatus.SUCCEEDED
+        goal = client._Goal(sent, told, None, None, send_cancel)
+        goal.begin()
+        return goal, result
+
     def test_goal_that_is_lost_while_its_result_comes_has_one_ending(self):
         def send_cancel(_):  # which lose() does
             threads.append(thread.submit(goal.update_result, result))
             threading.Event().wait(0.1)
 
-        threads, ends, sent, result = [], [], TestActionGoal(), TestActionResult()
-        sent.goal_id.id = result.status.goal_id.id = "id"
-        result.status.status = GoalStatus.SUCCEEDED
-        goal = client._Goal(sent, lambda gh: ends.append(gh.get_goal_status()), None, None, send_cancel)
-        goal.begin()
+        threads, ends = [], []
+        goal, result = self.goal_and_result(lambda gh: ends.append(gh.get_goal_status()), send_cancel)
         with ThreadPoolExecutor(1) as thread:
             goal.lose("why")
             threads[0].result()
         self.assertEqual(([GoalStatus.LOST], GoalStatus.LOST), (ends[-1:], goal.latest_goal_status.status))
+
+    def test_goal_whose_result_is_here_is_not_lost_while_a_callback_takes_its_time(self):
+        def told(_):
+            threads.append(thread.submit(goal.lose, "why"))
+            threading.Event().wait(0.1)
+
+        threads = []
+        goal, result = self.goal_and_result(told)
+        with ThreadPoolExecutor(1) as thread:
+            goal.update_result(result)
+            threads[0].result()
+        self.assertEqual((GoalStatus.SUCCEEDED, ""), (goal.latest_goal_status.status, goal.why))
 
     def test_answer_of_more_than_a_second_ago_is_asked_for_again(self):
         now, go_on, before = [0], threading.Event(), threading.active_count()
@@ -366,7 +384,7 @@ class Units(unittest.TestCase):
 
         self.alone(run)
 
-    def test_partthat_ends_before_its_thread_for_peers_has_begun_ends_without_a_traceback(self):
+    def test_node_that_ends_before_its_thread_for_peers_has_begun_ends_without_a_traceback(self):
         server = self.peers_server()[0]
         server.shutdown()
         server.run()
