@@ -180,17 +180,17 @@ class Guest(unittest.TestCase):
         self.assertEqual(status, node.wait(), node)
         self.assertEqual(list(lines), node.stdout.splitlines(), node)
 
-    def ends(self, node, status, end):
-        """The node (Process) ends with this exit status within 2 s of end(node)."""
-        end(node)
+    def ends(self, *nodes, status=0, tell=lambda *nodes: [node.signal(signal.SIGTERM) for node in nodes]):
+        """The nodes (Process) end with this exit status within 2 s of tell(*nodes)."""
+        tell(*nodes)
         begun = time.monotonic()
-        self.assertEqual(status, node.wait(), node)
-        self.assertLess(time.monotonic() - begun, 2 + SLACK, "s until the end of %s" % node)
+        self.assertEqual([status] * len(nodes), [node.wait() for node in nodes], nodes[-1])
+        self.assertLess(time.monotonic() - begun, 2 + SLACK, "s until the end of %s" % nodes[-1])
 
     def is_up(self, node, *lines):
         """The node (Process) prints these lines (str), then SIGTERM ends it."""
         eventually(lambda: len(node.stdout.splitlines()) >= len(lines), "%d lines" % len(lines), node)
-        self.ends(node, 0, lambda _: node.signal(signal.SIGTERM))
+        self.ends(node)
         self.assertEqual(list(lines), node.stdout.splitlines(), node)
 
     def test_import_and_init_node_leave_the_process_as_it_was(self, master):
@@ -208,16 +208,16 @@ class Guest(unittest.TestCase):
         self.is_up(node, "up")
 
     def test_handler_that_was_there_before_is_called_when_the_node_is_down(self, master):
-        for name in "SIGTERM", "SIGINT":
-            for code, status in ("None", 0), ("sys.exit(3)", 3), ("signal.default_int_handler(2, None)", 0):
-                node = program(master, "signal.signal(signal.%s, lambda *_: [print('motors off', state()), %s])\n"
-                               "robust.init_node('guest')\n"
-                               "rospy.on_shutdown(lambda: print('hook', time.sleep(0.3)))\nprint('ready')\n"
-                               "so(rospy.is_shutdown, 30)" % (name, code))
-                node.expect("ready")
-                node.signal(getattr(signal, name))
-                self.says(node, "ready", "hook None", "motors off down", status=status)
-                check_quiet(node)
+        for name, code, status in (("SIGTERM", "None", 0), ("SIGTERM", "sys.exit(3)", 3), ("SIGINT", "None", 0),
+                                   ("SIGINT", "signal.default_int_handler(2, None)", 0)):
+            node = program(master, "signal.signal(signal.%s, lambda *_: [print('motors off', state()), %s])\n"
+                           "robust.init_node('guest')\n"
+                           "rospy.on_shutdown(lambda: print('hook', time.sleep(0.3)))\nprint('ready')\n"
+                           "so(rospy.is_shutdown, 30)" % (name, code))
+            node.expect("ready")
+            node.signal(getattr(signal, name))
+            self.says(node, "ready", "hook None", "motors off down", status=status)
+            check_quiet(node)
 
     def test_main_program_hears_of_ctrl_c_before_the_hooks_have_run(self, master):
         node = program(master, """
@@ -238,7 +238,7 @@ heard.set()
                        "signal.set_wakeup_fd(wake.fileno())\nrobust.init_node('guest')\nwake.close()\nprint('ready')\n"
                        "rospy.spin()")
         node.expect("ready")
-        self.ends(node, 0, lambda _: node.signal(signal.SIGTERM))
+        self.ends(node)
 
     def test_handler_that_came_later_is_a_child_s_too(self, master):
         self.says(program(master, "robust.init_node('guest')\nsignal.signal(signal.SIGTERM, hear)\n"
@@ -253,8 +253,7 @@ heard.set()
                           "rospy.signal_shutdown('')"), "up")
 
     def test_more_signals_give_a_stubborn_node_no_more_time(self, master):
-        node = program(master, "robust.init_node('guest')\n" + STUBBORN[0])
-        node.expect("ready")
+        node, = self.stubborn(master, STUBBORN[0])
         eventually(lambda: node.signal(signal.SIGTERM) or not node.running(), "an end", timeout=2 + SLACK, pause=0.2)
 
     def test_stubborn_start_is_ended_with_exit_status_1(self, master):
@@ -263,7 +262,7 @@ import rospy, threading
 rospy.init_node = lambda *_, **__: print("ready") or threading.Event().wait()
 """)
         node.expect("ready")
-        self.ends(node, 1, lambda _: node.signal(signal.SIGTERM))
+        self.ends(node, status=1)
 
     def test_start_that_fails_for_whatever_reason_is_one_line(self, master):
         node = program(master, "from actions_tutorial import robust\nrobust.init_node('guest')",
@@ -368,12 +367,13 @@ finally:
         node.signal(signal.SIGINT)
         self.says(node, "ready", "KeyboardInterrupt", "finally up")
 
-    def test_program_that_goes_on_after_its_node_keeps_its_time_and_exit_status(self, master):
+    def test_program_that_goes_on_after_its_node_keeps_its_time_its_processor_and_its_exit_status(self, master):
         suite = os.path.join(master.home, "suite_test.py")
         with open(suite, "w") as file:
             file.write(HEAD + SUITE)
         for node, status in (
-                (program(master, "robust.init_node('x')\nrospy.signal_shutdown('')\ntime.sleep(3)\nsys.exit(7)"), 7),
+                (program(master, "robust.init_node('x')\nrospy.signal_shutdown('')\nbefore = time.process_time()\n"
+                         "time.sleep(3)\nsys.exit(7 if time.process_time() - before < 1 else 'a busy end')"), 7),
                 (program(master, SUITE + "unittest.main()"), 1),
                 (master.start("/usr/bin/python3", "-m", "pytest", "-p", "no:cacheprovider", suite), 1)):
             self.assertEqual(status, node.wait(), node)
@@ -447,23 +447,31 @@ rospy.signal_shutdown("done")
 """), "[3, 3] True")
 
     def test_init_node_and_get_param_of_rospy_and_robust_mix(self, master):
-        for first, second, outcome in (
-                ("robust.init_node('x')", "rospy.init_node('x')", "None up"),
-                ("rospy.init_node('x')", "robust.init_node('x') or None", "None up"),
-                ("robust.init_node('x', None, False, None, False, False, True)",
-                 "rospy.init_node('x', disable_signals=True)", "None up"),
-                ("rospy.init_node('x', disable_signals=True)",
-                 "robust.init_node('x', disable_signals=True) or None", "None up"),
-                ("robust.init_node('x')", "rospy.init_node('y')", "ROSException"),
-                ("rospy.init_node('x')", "robust.init_node('y')", "ROSException"),
-                ("rospy.init_node = robust.init_node; rospy.init_node('x')", "rospy.init_node('x') or None", "None up"),
-                ("rospy.get_param = robust.get_param; rospy.init_node('x')", "rospy.get_param('~n', 7)", "7 up"),
-                ("robust.init_node('x')", "robust.init_node('x', parameters={'~n': (7, 0, 9)})", "(7,) up"),
-                ("robust.init_node('x'); rospy.set_param('~n', [1])",  # a type that is none of ROS's checks nothing
-                 "*(robust.get_param(name, default) for name in ('~n', '~m') for default in (None, (1, 2)))",
-                 "[1] [1] None (1, 2) up")):
-            self.says(program(master, "%s\ntry:\n    print(%s, state())\nexcept rospy.ROSException as error:\n"
-                              "    print(type(error).__name__)" % (first, second)), outcome)
+        rows = (
+            ("robust.init_node('x')", "rospy.init_node('x')", "None up"),
+            ("rospy.init_node('x')", "robust.init_node('x') or None", "None up"),
+            ("robust.init_node('x', None, False, None, False, False, True)",
+             "rospy.init_node('x', disable_signals=True)", "None up"),
+            ("rospy.init_node('x', disable_signals=True)",
+             "robust.init_node('x', disable_signals=True) or None", "None up"),
+            ("robust.init_node('x')", "rospy.init_node('y')", "ROSException"),
+            ("rospy.init_node('x')", "robust.init_node('y')", "ROSException"),
+            ("rospy.init_node = robust.init_node; rospy.init_node('x')", "rospy.init_node('x') or None", "None up"),
+            ("rospy.get_param = robust.get_param; rospy.init_node('x')", "rospy.get_param('~n', 7)", "7 up"),
+            ("robust.init_node('x')", "robust.init_node('x', parameters={'~n': (7, 0, 9)})", "(7,) up"),
+            ("robust.init_node('x'); rospy.set_param('~n', [1])",  # a type that is none of ROS's checks nothing
+             "*(robust.get_param(name, default) for name in ('~n', '~m') for default in (None, (1, 2)))",
+             "[1] [1] None (1, 2) up"))
+        self.says(program(master, """
+for first, second, _ in %r:
+    if not os.fork():
+        exec(first)
+        try:
+            sys.exit(eval("print(%%s, state())" %% second))
+        except rospy.ROSException as error:
+            sys.exit(print(type(error).__name__))
+    os.wait()
+""" % (rows,)), *(outcome for _, _, outcome in rows))
 
     def test_parameter_of_the_command_line_is_not_said_to_be_from_the_server(self, master):
         node = program(master, "sys.argv.append('_n:=abc')\nrobust.init_node('guest')\nrobust.get_param('~n', 7)")
@@ -483,12 +491,12 @@ for name in "ns/node", "", None:
         self.assertEqual(0, node.wait(), node)
         self.assertRegex(node.stdout, r"^(.+\n)\1(.+\n)\2(.+\n)\3$", node)
 
-    def stubborn(self, master, end):
-        """Nodes that do not end by themselves end all the same, within 2 s of end(node)."""
-        for code in STUBBORN:
-            node = program(master, "robust.init_node('guest')\n" + code)
+    def stubborn(self, master, *programs):
+        """Returns nodes (Process) that do not end by themselves."""
+        nodes = [program(master, "robust.init_node('guest')\n" + code) for code in programs]
+        for node in nodes:
             node.expect("ready")
-            self.ends(node, 0, end)
+        return nodes
 
     def test_client_finds_its_server_without_the_master_and_another_one_cannot_start(self, master):
         node = program(master, """
@@ -520,11 +528,17 @@ except rospy.ROSInitException as error:
 """), "the node was shut down before it sent its goal")
 
     def test_stubborn_node_ends_within_2_s_of_a_signal(self, master):
-        for number in signal.SIGTERM, signal.SIGINT, signal.SIGHUP:
-            self.stubborn(master, lambda node: node.signal(number))
+        self.ends(*self.stubborn(master, *STUBBORN))
+        for number in signal.SIGINT, signal.SIGHUP:
+            self.ends(*self.stubborn(master, STUBBORN[0]), tell=lambda node: node.signal(number))
 
     def test_stubborn_node_ends_within_2_s_of_rosnode_kill(self, master):
-        self.stubborn(master, lambda node: master.start("rosnode", "kill", "-a") and node.expect("shutdown request"))
+        def kill(*nodes):
+            master.start("rosnode", "kill", "-a")
+            for node in nodes:
+                node.expect("shutdown request")
+
+        self.ends(*self.stubborn(master, *STUBBORN), tell=kill)
 
     def test_exit_status_of_a_program_stays_though_the_master_is_frozen(self, master):
         node = program(master, "robust.shutdown.KILLED_AFTER = 20\nrobust.init_node('guest')\nprint('ready')\n"
@@ -554,7 +568,7 @@ threading.Event().wait()
 """ % goals)
             node.expect("ready")
             self.assertNotIn("False", node.stdout, node)
-            self.ends(node, status, lambda _: node.signal(signal.SIGTERM))
+            self.ends(node, status=status)
 
     def test_threads_are_as_many_as_the_reference_says(self, master):
         node = program(master, """

@@ -8,6 +8,7 @@ import threading
 import time
 import weakref
 
+import rosgraph.xmlrpc
 from rospy.impl import registration, tcpros_base
 
 from .internals import need
@@ -48,8 +49,17 @@ def serve_all_peers():
     _connect_once()
 
 
+def _end_when_closed(server):
+    """In place of a hook of socketserver's that does nothing. Without it, rospy's thread for calls asks its closed
+    socket for the next one as fast as it can, from the node's end to the program's (ros/ros_comm #2238)."""
+    if server.socket.fileno() < 0:
+        raise OSError("closed")
+
+
 def end_quietly():
-    """Have rospy's thread for peers end without a traceback. Call it before rospy.init_node."""
+    """Have rospy's threads for calls and peers end with the node. Call it before rospy.init_node."""
+    need("rospy", rosgraph.xmlrpc, "ThreadingXMLRPCServer")
+    rosgraph.xmlrpc.ThreadingXMLRPCServer.service_actions = _end_when_closed
     tcpros_base.TCPServer.run = _run
 
 
