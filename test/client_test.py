@@ -67,15 +67,13 @@ class TestClient(NodeCase):
 
     def test_bad_parameter_is_named_with_its_value_and_what_is_allowed_and_no_goal_is_sent(self, scene):
         scene.server()
-        for name, allowed, values in (
-                ("number_of_minutes", "whole number from -2147483648 to 2147483647", (
-                    ("abc", "'abc'"), ("3.5", "3.5"), ("99999999999", "99999999999"), ("true", "True"),
-                    ("-2147483649", "-2147483649"), ("[1]", "[1]"), ("[", "'['"), ("'7'", "'7'"))),
-                ("server_timeout", "from 0", (("-1", "-1"), ("soon", "'soon'"))),
-                ("heartbeat_timeout", "from 0.1", (
-                    ("0", "0"), ("-5", "-5"), (".nan", "nan"), (".inf", "inf"), ("false", "False")))):
-            for value, shown in values:
-                self.refused(scene, ("~" + name, " is " + shown, allowed), "_%s:=%s" % (name, value))
+        for name, value, shown in (
+                ("number_of_minutes", "abc", "'abc', must be a whole number from -2147483648 to 2147483647"),
+                ("number_of_minutes", "2147483648", "2147483648"),
+                ("number_of_minutes", "-2147483649", "-2147483649"), ("number_of_minutes", "'7'", "'7'"),
+                ("server_timeout", "-1", "-1, must be a number from 0"),
+                ("heartbeat_timeout", "0", "0, must be a number from 0.1"), ("heartbeat_timeout", ".nan", "nan")):
+            self.refused(scene, ["~%s is %s" % (name, shown)], "_%s:=%s" % (name, value))
         self.refused(scene, ["~number_of_minuets", "~number_of_minutes"], "_number_of_minuets:=3")
         parameter = scene.namespace + "/action_client/heartbeat_timeout"  # of an earlier run, say
         rosgraph.Master(rospy.get_name()).setParam(parameter, "long")

@@ -54,7 +54,9 @@ class RawClient:
     def connected(self):
         """Whether goals and cancels reach the server, and its messages us. Each publisher tells for its own topics, as
         does the server here: a subscriber counts a connection before it is one, and what is sent by then is lost."""
-        me = rospy.get_name()
+        me, ends = rospy.get_name(), [*self.publishers.values(), *self._subscribers.values()]
+        if not all(end.get_num_connections() for end in ends):
+            return False
         try:
             master = rosgraph.Master(me)
             servers = dict(master.getSystemState()[0]).get(self.action + "result", [])
@@ -62,7 +64,7 @@ class RawClient:
             connections = [xmlrpc.client.ServerProxy(uri).getBusInfo(me)[2] for uri in uris]
         except (rosgraph.MasterError, OSError):
             return False
-        return len(servers) == 1 and all(end.get_num_connections() for end in self.publishers.values()) and {
+        return len(servers) == 1 and {
             topic for _, to, way, _, topic, *_ in connections[0] if (to, way) == (me, "o")} >= {
             self.action + topic for topic in self._subscribers}
 

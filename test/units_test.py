@@ -106,7 +106,9 @@ class Units(unittest.TestCase):
         for argument, status, words in (
                 ("3", 2, "unknown argument '3'"), ("_n:=a", 2, "~n is 'a', must be a whole number from 0 to 9"),
                 ("_m:=3", 2, "unknown parameter ~m, must be one of ~n"), ("_n:=10", 2, "~n is 10, must be"),
-                ("n:=3", 2, "'n:=3' renames a topic, must be _n:=3"), ("--help", 0, "how to"), ("-h", 0, "how to")):
+                ("n:=3", 2, "'n:=3' renames a topic, must be _n:=3"), ("--help", 0, "how to"), ("-h", 0, "how to"),
+                ("~n:=3", 2, "'~n:=3' renames a topic, must be _n:=3"), ("--n=3", 2, "unknown argument '--n=3'"),
+                ("_name:=x", 2, "unknown parameter ~name, must be one of ~n; __name:=VALUE names the node")):
             said = io.StringIO()
             with arguments(argument), mock.patch.object(sys, "excepthook", sys.excepthook), \
                     contextlib.redirect_stderr(said), contextlib.redirect_stdout(said), \
@@ -115,6 +117,12 @@ class Units(unittest.TestCase):
             self.assertEqual(status, end.exception.code, argument)
             self.assertIn(words, said.getvalue())
             self.assertEqual(1, said.getvalue().count("\n"), said.getvalue())
+
+    def test_master_uri_that_is_none_is_named(self):
+        for uri in "localhost:11311", "http://", "http://localhost", "http://localhost:port", "https://localhost:1":
+            with mock.patch.dict("os.environ", ROS_MASTER_URI=uri), arguments(), self.assertRaisesRegex(
+                    rospy.ROSInitException, "^ROS_MASTER_URI is '%s', must be like http://localhost:11311$" % uri):
+                robust.init_node("node")
 
     def test_robust_has_what_actionlib_has(self):
         self.assertEqual([], [name for name, value in vars(actionlib).items() if not (
