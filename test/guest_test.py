@@ -294,10 +294,11 @@ rospy.init_node = lambda *_, **__: print("ready") or threading.Event().wait()
 
     def test_lines_stand_in_the_order_in_which_they_were_printed_and_logged(self, master):
         node = program(master, "print('first')\nrobust.init_node('guest')\nprint('second')\n"
-                       "[rospy.loginfo(str(number) * (2500 >> number % 2 * 9)) for number in range(10)]",
+                       "[rospy.loginfo(str(number) * (2500 >> number % 2 * 9)) for number in range(10)]\n"
+                       "sys.stdout = io.TextIOWrapper(sys.stdout.buffer)\nprint('through another stream')",
                        ROSCONSOLE_FORMAT="${message}", PYTHONUNBUFFERED="")
         self.assertEqual(0, node.wait(), node)
-        self.assertEqual(["f", "s", *"0123456789"], [line[0] for line in node.stdout.splitlines()], node)
+        self.assertEqual(["f", "s", *"0123456789", "t"], [line[0] for line in node.stdout.splitlines()], node)
 
     def test_signal_handler_prints_in_the_midst_of_a_print_that_waits_and_nothing_is_lost(self, master):
         read, write = os.pipe()
@@ -419,9 +420,9 @@ print(sorted(buffer.getvalue().splitlines()))
         self.assertEqual([0, 0], [node.wait() for node in nodes], nodes[1])
         self.assertEqual(nodes[0].stdout, nodes[1].stdout, nodes[1])
 
-    def test_each_line_and_each_progress_is_seen_at_once(self, master):
+    def test_each_print_is_seen_at_once_a_progress_without_an_end_of_line_too(self, master):
         for make in os.pipe, pty.openpty:
-            for end in "\n", "\r":
+            for end in "\n", "\r", "":
                 read, write = make()
                 node = program(master, "robust.init_node('guest')\nprint('50 %%', end=%r)\nrospy.spin()" % end,
                                stdout=write, PYTHONUNBUFFERED="")
@@ -434,8 +435,8 @@ print(sorted(buffer.getvalue().splitlines()))
                 for number in read, write:
                     os.close(number)
 
-    def test_seeded_random_numbers_stay_the_same(self, master):
-        self.says(program(master, """
+    def test_seeded_random_numbers_stay_the_same_and_python_warns_of_nothing_of_ours(self, master):
+        node = program(master, """
 random.seed(1)
 robust.init_node("guest", log_level=rospy.WARN)
 server = robust.SimpleActionServer("work", TestAction, lambda _: server.set_succeeded(), False)
@@ -444,7 +445,9 @@ client = robust.SimpleActionClient("work", TestAction)
 client.wait_for_server()
 print([client.send_goal_and_wait(TestGoal()) for _ in range(2)], random.random() == random.Random(1).random())
 rospy.signal_shutdown("done")
-"""), "[3, 3] True")
+""", PYTHONWARNINGS="default")
+        self.says(node, "[3, 3] True")
+        self.assertNotIn("/robust/", node.stderr, node)
 
     def test_init_node_and_get_param_of_rospy_and_robust_mix(self, master):
         rows = (

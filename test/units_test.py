@@ -29,7 +29,7 @@ from rosgraph.network import encode_ros_handshake_header
 from rospy.impl import registration, tcpros_base
 
 from actions_tutorial import robust
-from actions_tutorial.robust import client, internals, log, node, peers, rate, server, shutdown
+from actions_tutorial.robust import client, internals, log, node, peers, rate, server, shutdown, stdout
 from processes import eventually
 
 STANDS_FOR = {name: getattr(rospy if hasattr(rospy, name) else actionlib, name)
@@ -251,6 +251,20 @@ class Units(unittest.TestCase):
     def test_line_on_a_goal_that_another_thread_has_just_taken_is_no_error(self):
         with mock.patch.object(log, "_soon", mock.MagicMock(popleft=mock.Mock(side_effect=IndexError))):
             log.catch_up()
+
+    def test_stdout_has_the_name_the_mode_and_the_encoding_of_pythons(self):
+        for errors, ours in ("strict", "backslashreplace"), ("surrogateescape", "surrogateescape"):
+            sys.__stdout__.reconfigure(errors=errors)
+            stand_in = stdout._Stdout(print)
+            self.assertEqual(
+                (sys.__stdout__.name, sys.__stdout__.mode, sys.__stdout__.encoding, ours),
+                (stand_in.name, stand_in.mode, stand_in.encoding, stand_in.errors))
+
+    def test_stdout_that_is_none_of_pythons_stays(self):
+        for other in None, io.StringIO(), io.TextIOWrapper(io.BytesIO()):
+            with mock.patch.multiple(sys, stdout=other, __stdout__=other):
+                stdout.take_over(print)
+                self.assertIs(other, sys.stdout)
 
     def test_heartbeat_timeout_that_is_no_number_above_0_is_a_value_error(self):
         for wrong in 0, -1, float("nan"), True, "5":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Standard output of print: each line is there at once, and a node whose lines nobody can read ends."""
+"""Standard output of print: what it prints is there at once, and a node whose lines nobody can read ends."""
 import io
 import os
 import sys
@@ -7,13 +7,16 @@ import threading
 
 import rospy
 
+_kept: list = []  # without it, a program that puts another stream around its buffer finds that closed
+
 
 def take_over(close_node):
     """Take the place of Python's own sys.stdout; one that somebody has redirected stays. close_node() is called when
     it cannot be written any more, from a thread that is not the main one."""
-    if sys.stdout is sys.__stdout__ and sys.__stdout__ is not None:
+    if sys.stdout is sys.__stdout__ and getattr(sys.stdout, "name", None) == "<stdout>":
         sys.stdout.flush()
         sys.stdout = _Stdout(close_node)
+        _kept.append(sys.stdout)
 
 
 class _File(io.FileIO):
@@ -31,13 +34,15 @@ class _Stdout(io.TextIOWrapper):
     each print is a traceback, and the node works on for nobody."""
 
     def __init__(self, close_node):
-        super().__init__(_File(1, "wb", closefd=False), encoding=sys.__stdout__.encoding, errors="backslashreplace")
-        self.close_node = close_node
+        file, before = _File(1, "wb", closefd=False), sys.__stdout__
+        file.name = before.name
+        super().__init__(file, before.encoding, "backslashreplace" if before.errors == "strict" else before.errors)
+        self.mode, self.close_node = before.mode, close_node
 
     def write(self, text):
         try:
             written = super().write(text)
-            if text.endswith(("\n", "\r")):
+            if not text or text.endswith(("\n", "\r")):  # the last that print writes, end="" as well
                 self.flush()  # all that is printed at once, so that no other node's line gets in between
             return written
         except OSError as error:
