@@ -447,7 +447,7 @@ print([client.send_goal_and_wait(TestGoal()) for _ in range(2)], random.random()
 rospy.signal_shutdown("done")
 """, PYTHONWARNINGS="default")
         self.says(node, "[3, 3] True")
-        self.assertNotIn("/robust/", node.stderr, node)
+        self.assertNotIn("/robust/internals.py", node.stderr, node)
 
     def test_init_node_and_get_param_of_rospy_and_robust_mix(self, master):
         rows = (

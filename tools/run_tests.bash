@@ -28,7 +28,7 @@ run_tests() {
 make_tests() {
     local status told='^\[.*\]\[(passed|FAILURE|ERROR)\]|^make.*\*\*\*|^CMake Error|^Cannot find results'
     # cmake once more: it keeps the environment of its first run, which knew no messages yet (ros/catkin#974).
-    make_workspace --force-cmake -DCATKIN_ENABLE_TESTING=ON -j5 --output-sync=target "$@" 2>&1 | to_the_end tee "$log" |
+    make_workspace --force-cmake -DCATKIN_ENABLE_TESTING=ON -j4 --output-sync=target "$@" 2>&1 | to_the_end tee "$log" |
         to_the_end sed -nuE "/$told/ { s/^/    /; s/-*\$//p }" >&3
     status=$?
     sed -n '/\]\[\(FAILURE\|ERROR\)\]/,/^---/p; /^\[Testcase:.*!$/,/^SUMMARY/p' "$log" >&3
