@@ -70,8 +70,10 @@ class StartFaults(unittest.TestCase):
             self.assertEqual("", client.stderr, client)
 
     def test_argument_that_is_none_is_refused(self, master):
-        for argument, words in (("3", "unknown argument '3'"), ("_a:=1:=2", "unknown argument '_a:=1:=2'"),
-                                ("number_of_minutes:=3", "renames a topic, must be _number_of_minutes:=3")):
+        for argument, words in (
+                ("3", "unknown argument '3'"),
+                ("_number_of_minutes:=1:=2", "unknown argument '_number_of_minutes:=1:=2'"),
+                ("number_of_minutes:=3", "'number_of_minutes:=3' renames a topic, must be _number_of_minutes:=3")):
             self.refused(master.node("action_client.py", argument), 2, words)
         self.refused(master.node("action_server.py", "_a:=b:=c"), 1, "'_a:=b:=c', must be NAME:=VALUE")
 
@@ -89,10 +91,11 @@ class StartFaults(unittest.TestCase):
             self.refused(master.node(name, ROS_MASTER_URI="localhost:11311"), 1,
                          "ROS_MASTER_URI is 'localhost:11311', must be like http://localhost:11311")
 
-    def test_wrong_parameter_of_actionlib_stops_the_server_in_one_line(self, master):
-        master.api.setParam("/actionlib_status_frequency", "fast")
-        self.refused(master.node("action_server.py"), 1, "the action server /wash_dishes_as cannot start",
-                     "actionlib_status_frequency is 'fast', must be a number from 0.1 to 100")
+    def test_wrong_parameter_of_actionlib_stops_the_server_and_the_client_in_one_line(self, master):
+        for node, name, kind in (("action_server.py", "actionlib_status_frequency", "number from 0.1 to 100"),
+                                 ("action_client.py", "actionlib_client_pub_queue_size", "whole number")):
+            master.api.setParam("/" + name, "fast")
+            self.refused(master.node(node), 1, "/wash_dishes_as cannot start: ", name + " is 'fast', must be a " + kind)
 
     def test_wrong_parameter_of_actionlib_is_named_with_its_value_and_what_is_allowed(self, master):
         node = master.start("/usr/bin/python3", "-c", PARAMETERS, ROS_NAMESPACE="/below")

@@ -96,6 +96,8 @@ class Units(unittest.TestCase):
                 ("1", True, {}, "is 1, must be true or false"), ("1", "text", {}, "is 1, must be a string"),
                 ("1", [], {}, "is 1, must be a list"), ("[1]", {}, {}, r"is \[1\], must be a dictionary"),
                 ("[", 7, {}, r"is '\[', must be a whole number"), (".nan", 0.5, {"lowest": 0}, "is nan, must be "),
+                ("[1]", 7, {}, r"is \[1\], must be a whole number"), (".inf", 0.5, {"lowest": 0}, "is inf, must be "),
+                ("soon", 0.5, {}, "is 'soon', must be a number"), ("false", 0.5, {}, "is False, must be a number"),
                 ("-1", 7, {"lowest": 0}, "is -1, must be a whole number from 0$"),
                 ("3", 0.5, {"highest": 1.5}, "is 3, must be a number to 1.5$"),
                 ("10", 7, {"lowest": 0, "highest": 9}, "is 10, must be a whole number from 0 to 9$")):

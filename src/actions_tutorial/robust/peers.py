@@ -43,17 +43,17 @@ def _run(server):
             raise
 
 
-def serve_all_peers():
-    """Mends rospy's connections, once for the process. Call it after rospy.init_node."""
-    _read_side_by_side()
-    _connect_once()
-
-
 def _end_when_closed(server):
     """In place of a hook of socketserver's that does nothing. Without it, rospy's thread for calls asks its closed
     socket for the next one as fast as it can, from the node's end to the program's (ros/ros_comm #2238)."""
     if server.socket.fileno() < 0:
         raise OSError("closed")
+
+
+def serve_all_peers():
+    """Mends rospy's connections, once for the process. Call it after rospy.init_node."""
+    _read_side_by_side()
+    _connect_once()
 
 
 def end_quietly():
