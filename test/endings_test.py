@@ -220,7 +220,7 @@ class Endings(NodeCase):
         self.assertEqual("cancelled", scene.check_ending(newer, PREEMPTED, bowls(1)).status.text)
 
     def test_newer_goal_wakes_the_thread_of_the_older_one_and_is_active_before_its_feedback(self, scene):
-        server, active = serve(scene, "goal_cb_and_thread"), {}  # goal id: the stamp of the first status that says so
+        server, active = serve(scene, "goal_cb_and_nap"), {}  # goal id: the stamp of the first status that says so
         topic = rospy.Subscriber(scene.action + "status", GoalStatusArray, lambda message: [
             active.setdefault(one.goal_id.id, message.header.stamp)
             for one in message.status_list if one.status == ACTIVE])

@@ -73,10 +73,14 @@ def polite(server):
     server.set_preempted(RESULT)
 
 
-def sleep(server):
+def nap(server):
     rate = server.rate(0.01)
     say("sleeps")
     say("slept to the end: %s" % rate.sleep())
+
+
+def sleep(server):
+    nap(server)
     if server.is_preempt_requested():
         server.set_preempted(RESULT)
 
@@ -157,6 +161,8 @@ KINDS = {
     "goes_on": lambda name: rospy.on_shutdown(block) or Guest(name, go_on),
     "is_interrupted": lambda name: Guest(name, lambda one: loop(one) or throw(rospy.ROSInterruptException(DIRTY))),
     "goal_cb_and_thread": lambda name: Guest(name, sleep, in_a_thread),
+    # Ends nothing: between a look and set_preempted a newer goal may come, which that would end (so in actionlib, too).
+    "goal_cb_and_nap": lambda name: Guest(name, nap, in_a_thread),
     "goal_cb_accepts_twice": lambda name: Guest(name, sleep, lambda one: in_a_thread(one) or one.accept_new_goal()),
     "goal_cb_loops": lambda name: Guest(name, loop, lambda server: server.execute_cb(server.accept_new_goal())),
     "hook_raises": lambda name: rospy.on_shutdown(dirty) or Guest(name, polite),
