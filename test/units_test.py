@@ -366,6 +366,11 @@ class Units(unittest.TestCase):
     def test_socket_that_accepts_peers_waits_for_them_whatever_the_default_time_out(self):
         self.assertTrue(os.get_blocking(self.peers_server()[0].server_sock.fileno()))
 
+    def test_thread_that_stands_in_for_rospys_ends_with_the_socket(self):
+        before = set(threading.enumerate())
+        self.peers_server()[0].shutdown()
+        eventually(lambda: len(set(threading.enumerate()) - before) == 1, "no thread but rospy's own")
+
     def test_peers_are_accepted_in_their_order(self):
         server, connect = self.peers_server()
         came, handle = [], server.inbound_handler

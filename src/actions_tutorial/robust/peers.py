@@ -109,8 +109,8 @@ def _read_side_by_side():
         with contextlib.suppress(ValueError):  # closed, because the node ends
             while not came.is_set():
                 waiting.register(listening, select.POLLIN)
-                waiting.poll()
-                if not came.wait(ACCEPTS_WITHIN):
+                # With a time-out: the number may be another file's by now, whose end nobody hears while this waits.
+                if waiting.poll(ACCEPTS_WITHIN * 1000) and not came.wait(ACCEPTS_WITHIN):
                     server.run()
 
     server.inbound_handler, tcpros.topic_connection_handler = handle_side_by_side, connect_in_turn
