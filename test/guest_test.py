@@ -599,6 +599,12 @@ rospy.signal_shutdown("done")
         self.assertEqual((5, ""), (node.wait(), node.stderr), node)
         self.assertRegex(node.stdout, r"^.*ROS_MASTER_URI is 'localhost', must be like \S+\n$", node)
 
+    def test_ctrl_c_while_the_parameters_are_checked_is_one_line(self, master):
+        node = program(master, "robust.node.get_params = lambda _: signal.raise_signal(signal.SIGINT) or ()\n"
+                       "robust.init_node('guest')", ROS_MASTER_URI="http://localhost:1")
+        self.assertEqual((1, "interrupted while waiting for the master http://localhost:1\n"),
+                         (node.wait(), node.stderr), node)
+
     def test_flood_of_log_into_a_terminal_that_is_stopped_takes_no_memory(self, master):
         read, write = os.pipe()
         node = program(master, """

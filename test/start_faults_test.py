@@ -42,11 +42,18 @@ rospy.signal_shutdown("done")
 """
 
 
-def hears_ctrl_c(node):
-    """Whether SIGINT would call a function in a node (Process), as Python itself sees to when it starts."""
-    with open("/proc/%d/status" % node.usage.pid) as status:
-        caught = next(line.split()[1] for line in status if line.startswith("SigCgt"))
-    return bool(int(caught, 16) >> (signal.SIGINT - 1) & 1)
+# Says when robust begins its imports; from there on Ctrl-C is no traceback.
+SAY_IMPORTS = """
+import sys
+sys.addaudithook(lambda event, args: event == "import" and args[0] == "actionlib" and print("imports", flush=True))
+"""
+
+
+def node_after(master, code, name):
+    """Start one of the package's nodes in a Python that has run code (str). -> Process"""
+    path = os.path.join(PACKAGE, "scripts", name)
+    return master.start("/usr/bin/python3", "-c", "%s\nimport runpy\nrunpy.run_path(%r, run_name='__main__')" % (
+        code, path))
 
 
 @concurrently(Master)
@@ -135,10 +142,8 @@ class StartFaults(unittest.TestCase):
         whole = whole.lines[-1][0]
         for name in NODES[:2]:
             for part in range(6):
-                node = master.node(name)
-                # Python's own start, some 50 ms, prints a traceback whatever we do.
-                eventually(lambda: hears_ctrl_c(node), "Python to start", node, pause=0)
-                eventually(lambda: not hears_ctrl_c(node), "robust to begin its imports", node, pause=0)
+                node = node_after(master, SAY_IMPORTS, name)
+                node.expect("imports")
                 begun = time.monotonic()
                 eventually(lambda: time.monotonic() - begun >= whole * part / 6, "a part of the start", pause=0.001)
                 node.signal(signal.SIGINT)
@@ -152,9 +157,7 @@ class StartFaults(unittest.TestCase):
                               ("action_server.py", "rospy.rostime.get_rostime_cond"),
                               ("action_client.py", "rospy.core.add_shutdown_hook")):
             library, _, attribute = lacking.partition(".")[0], *lacking.rpartition(".")[1:]
-            node = master.start("/usr/bin/python3", "-c", "import actionlib, rospy.core, runpy\ndel %s\n"
-                                "runpy.run_path(%r, run_name='__main__')" % (
-                                    lacking, os.path.join(PACKAGE, "scripts", name)))
+            node = node_after(master, "import actionlib, rospy.core\ndel " + lacking, name)
             self.assertEqual(1, node.wait(LATE), node)
             self.assertRegex(node.stderr, r"^.*%s \d+\.\d+\.\d+ has no \S+%s, .*\n$" % (library, attribute), node)
 

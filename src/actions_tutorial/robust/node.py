@@ -43,22 +43,17 @@ def init_node(name: str, argv: Optional[List[str]] = None, anonymous: bool = Fal
         _rospy_init_node(*options, disable_signals, **ports)
         return get_params(parameters)
 
-    # What can be refused without a master.
-    if not name or "/" in name:
-        raise ValueError("namespaces are not allowed in node names" if name else "name must not be empty")
-    if usage and {"-h", "--help"} & set(arguments):
-        print(usage.strip())
-        sys.exit(0)
-    with _exit_status_2():
-        if usage:
-            check_arguments(arguments, list(parameters))
-        values = get_params(parameters)
-    uri = _check_surroundings(arguments)
+    closer = Closer()
+    try:
+        if not disable_signals:
+            closer.heed_signals()  # from here on Ctrl-C is no traceback; it is obeyed when the checks are done
+        values = _check(name, arguments, usage, parameters)
+        uri = _check_surroundings(arguments)
+    except BaseException:
+        closer.give_up()
+        raise
 
     # From here on a signal ends the node, whatever the main thread waits for.
-    closer = Closer()
-    if not disable_signals:
-        closer.heed_signals()
     closer.begin()
     try:
         _wait_for_master(uri, dict(zip(parameters, values)).get("~server_timeout", 0))
@@ -96,6 +91,19 @@ def wait_for(what, is_there, timeout=0):
             say_next += 5
         time.sleep(0.02)
     return True
+
+
+def _check(name, arguments, usage, parameters):
+    """Returns the values of parameters. Refuses what can be refused without a master."""
+    if not name or "/" in name:
+        raise ValueError("namespaces are not allowed in node names" if name else "name must not be empty")
+    if usage and {"-h", "--help"} & set(arguments):
+        print(usage.strip())
+        sys.exit(0)
+    with _exit_status_2():
+        if usage:
+            check_arguments(arguments, list(parameters))
+        return get_params(parameters)
 
 
 def _check_surroundings(arguments):
