@@ -16,6 +16,7 @@ import subprocess
 import sys
 import threading
 import unittest
+import warnings
 import xmlrpc.client
 from concurrent.futures import ThreadPoolExecutor
 from unittest import mock
@@ -189,6 +190,10 @@ class Units(unittest.TestCase):
                 mock.patch.dict("os.environ", ROS_MASTER_URI="http://localhost:1"), \
                 self.assertRaisesRegex(rospy.ROSInitException, "no master"), arguments("_server_timeout:=0.01"):
             robust.init_node("node", parameters={"~server_timeout": (0.0, 0, 1)})
+        with warnings.catch_warnings(record=True) as said, self.assertRaisesRegex(ValueError, "namespaces"):
+            warnings.simplefilter("always")
+            robust.init_node("a/b")
+        self.assertEqual([], said)  # of files that stay open
         self.assertEqual((before, added.mock_calls, 0), (process(), removed.mock_calls, len(shutdown.unfinished)))
         eventually(lambda: not any(isinstance(one, shutdown.Closer) for one in threading.enumerate()), "its end")
 

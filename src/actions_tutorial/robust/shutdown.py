@@ -125,6 +125,8 @@ class Closer(threading.Thread):
         unfinished.discard(self)
         atexit.unregister(self._finish)
         self._mouth.close()
+        if not self.ident:  # else the thread hears of it, and ends
+            self._ears.close()
 
     def close(self, what=_END_IN_TIME):
         """End the node as a signal does."""
