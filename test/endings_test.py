@@ -82,7 +82,7 @@ SHUTDOWNS = {
         "hook_raises", "never_looks", "hook_blocks", "goal_cb_and_thread"),
     **{"a server that %s" % kind: (interrupt, "raises" in kind, kind) for kind in (
         "never_looks", "just_returns", "preempt_cb_raises", "preempt_cb_blocks", "goal_cb_and_thread",
-        "goal_cb_loops", "hook_raises", "hook_blocks", "own_names", "is_interrupted")},
+        "goal_cb_loops", "hook_raises", "hook_blocks", "own_names", "is_interrupted", "is_stopped")},
 }
 
 
@@ -218,6 +218,21 @@ class Endings(NodeCase):
         self.assertEqual("a newer goal came", scene.check_ending(older, PREEMPTED, bowls(1)).status.text)
         scene.cancel(newer)
         self.assertEqual("cancelled", scene.check_ending(newer, PREEMPTED, bowls(1)).status.text)
+
+    def test_cancel_wakes_a_sleep_though_the_callback_for_it_raises(self, scene):
+        serve(scene, "preempt_cb_raises_and_sleeps")
+        goal_id = busy(scene)
+        scene.cancel(goal_id)
+        scene.check_ending(goal_id, PREEMPTED, bowls(1))
+
+    def test_server_that_is_started_in_whatever_way_serves_one_goal_at_a_time(self, scene):
+        for kind in "is_started_often", "is_started_inside":
+            server = serve(scene, kind)
+            for _ in range(3):
+                self.assertEqual(SUCCEEDED, scene.wait_result(scene.send(1)).status.status, server)
+            server.signal(signal.SIGINT)
+            server.wait()
+            self.assertEqual((0, ""), (server.wait(), server.stderr), server)
 
     def test_newer_goal_wakes_the_thread_of_the_older_one_and_is_active_before_its_feedback(self, scene):
         server, active = serve(scene, "goal_cb_and_nap"), {}  # goal id: the stamp of the first status that says so

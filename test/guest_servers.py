@@ -61,6 +61,26 @@ class OwnNames(Guest):
     _lock = _server = _goal = _log = _end_goal = _end = _name = _state = _thread = None
 
 
+class OwnStart(robust.SimpleActionServer):
+    """Has a start() of its own, and is started more than once, as actionlib's allows. One goal at a time is served."""
+
+    def __init__(self, name, auto_start):
+        super().__init__(name, WashTheDishesAction, self.execute_cb, auto_start)
+        self.free = threading.Lock()
+        for _ in range(2):
+            self.action_server.start()
+
+    def start(self):
+        self.free.release()
+
+    def execute_cb(self, _):
+        if not self.free.acquire(blocking=False):
+            say("two goals at a time")
+        self.set_succeeded(RESULT)
+        time.sleep(0.5)
+        self.free.release()
+
+
 # --- what a server does with a goal of its own ---
 
 def wait_for_stop(server):
@@ -146,6 +166,13 @@ def with_silent_peers(name):
     return Guest(name, polite), peers, socket.create_connection(address)
 
 
+def that_is_stopped(name):
+    """With actionlib's way to do so, when the node ends."""
+    server = Guest(name, go_on)
+    rospy.on_shutdown(server.action_server.stop)
+    return server
+
+
 def of_texts(name):
     server = robust.SimpleActionServer(name, TestRequestAction, lambda _: server.set_succeeded(), False)
     server.start()
@@ -157,6 +184,7 @@ KINDS = {
     "never_looks": lambda name: Guest(name, block),
     "just_returns": lambda name: Guest(name, wait_for_stop),
     "preempt_cb_raises": lambda name: Guest(name, block, preempt_cb=dirty),
+    "preempt_cb_raises_and_sleeps": lambda name: Guest(name, sleep, preempt_cb=dirty),
     "preempt_cb_blocks": lambda name: Guest(name, block, preempt_cb=lambda _: say("told to stop") or block()),
     "goes_on": lambda name: rospy.on_shutdown(block) or Guest(name, go_on),
     "is_interrupted": lambda name: Guest(name, lambda one: loop(one) or throw(rospy.ROSInterruptException(DIRTY))),
@@ -170,6 +198,9 @@ KINDS = {
     "own_names": lambda name: OwnNames(name, polite),
     "lacks_threads": lambda name: Guest(name, lack_threads),
     "with_silent_peers": with_silent_peers,
+    "is_stopped": that_is_stopped,
+    "is_started_often": lambda name: OwnStart(name, True),
+    "is_started_inside": lambda name: OwnStart(name, False),
     "of_texts": of_texts,
 }
 

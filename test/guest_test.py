@@ -605,6 +605,53 @@ rospy.signal_shutdown("done")
         self.assertEqual((1, "interrupted while waiting for the master http://localhost:1\n"),
                          (node.wait(), node.stderr), node)
 
+    def test_child_that_is_forked_while_a_line_is_written_to_the_log_file_logs_too(self, master):
+        self.says(program(master, """
+import logging
+
+class Slow:
+    def __init__(self, file):
+        self.file, self.lock, self.writes = file, threading.Lock(), 0
+
+    def __getattr__(self, name):
+        return getattr(self.file, name)
+
+    def write(self, text):
+        with self.lock:
+            self.writes += 1
+            time.sleep(0.2)
+            self.file.write(text)
+
+robust.init_node("guest", log_level=rospy.WARN)
+handler, = (one for one in logging.getLogger().handlers if hasattr(one, "baseFilename"))
+so(lambda: not robust.log._others.waiting)
+handler.stream = slow = Slow(handler.stream)
+logging.getLogger("rosout").warning("a line")
+print(so(lambda: slow.writes > 0))
+child = multiprocessing.get_context("fork").Process(
+    target=logging.getLogger("rosout").warning, args=["another"], daemon=True)
+child.start()
+child.join(10)
+print(child.exitcode)"""), "True", "0")
+
+    def test_log_changes_neither_parameters_nor_what_other_handlers_see(self, master):
+        master.api.setParam("/plates", 3)
+        self.says(program(master, """
+import logging
+
+class Mine(logging.Handler):
+    def emit(self, record):
+        print(record.msg, record.args)
+
+robust.init_node("guest", log_level=rospy.FATAL)
+logging.getLogger("rosout").addHandler(Mine())
+logging.getLogger("rosout").critical("bowl %d", 1)
+print(rospy.get_param("/")["plates"])"""), "bowl %d (1,)", "3")
+
+    def test_unbuffered_stdout_shows_what_is_no_line(self, master):
+        node = program(master, "robust.init_node('guest')\nsys.stdout.write('a plate')\nos._exit(0)")  # as by -u
+        self.assertEqual((0, "a plate"), (node.wait(), node.stdout.strip()), node)
+
     def test_flood_of_log_into_a_terminal_that_is_stopped_takes_no_memory(self, master):
         read, write = os.pipe()
         node = program(master, """

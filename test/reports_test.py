@@ -256,6 +256,38 @@ class Reports(NodeCase):
         self.ends(raw, result=bowls(4))
         self.assertEqual([(SUCCEEDED, bowls(count)) for count in range(1, 5)], raw.done, raw)
 
+    def test_done_cb_that_takes_its_time_holds_up_no_news_of_the_next_goal(self, place):
+        raw, free = place.meet(), threading.Event()
+        self.addCleanup(free.set)
+        raw.result(raw.send(done_cb=lambda *_: raw.client.send_goal(WashTheDishesGoal(2)) or free.wait(50)), wait=False)
+        raw.eventually(lambda: len(raw.ids) == 2, "the next goal")
+        raw.status((raw.ids[1], ACTIVE), wait=False)
+        raw.eventually(lambda: raw.client.get_state() == ACTIVE, "the news", timeout=20)
+
+    def test_goal_that_done_cb_sends_when_the_server_is_lost_is_looked_after_meanwhile(self, place):
+        raw, ends = place.meet(heartbeat_timeout=1.0), []
+
+        def done(state, _):
+            ends.append(state)
+            if len(ends) == 1:
+                raw.client.send_goal(WashTheDishesGoal(2), done)
+                raw.client.wait_for_result(PATIENCE)
+
+        raw.send(done_cb=done)
+        raw.eventually(lambda: raw.status(wait=False) or len(ends) == 2, "two ends", timeout=20)
+        self.assertEqual([LOST, LOST], ends, raw)
+
+    def test_shutdown_waits_for_no_callback_of_the_client(self, place):
+        for state, callback in (ACTIVE, "active_cb"), (SUCCEEDED, "done_cb"):
+            raw, free, said = place.meet(), threading.Event(), []
+            self.addCleanup(free.set)
+            goal = raw.send(**{callback: lambda *_: said.append("begun") or free.wait(20) or said.append("over")})
+            (raw.status((goal, ACTIVE), wait=False) if state == ACTIVE else raw.result(goal, wait=False))
+            raw.eventually(lambda: said, "the callback")
+            raw.client._SimpleActionClient__end_goal(time.monotonic())
+            raw.eventually(lambda: raw.cancels == [goal] * (state == ACTIVE), "a cancel of what runs")
+            self.assertEqual(["begun"], said, raw)
+
     def test_callback_that_raises_spoils_nothing(self, place):
         raw, errors = place.meet(), (RuntimeError, SystemExit)
         for name, error in [(name, error) for name in ("active_cb", "feedback_cb", "done_cb") for error in errors]:
@@ -499,6 +531,12 @@ class Reports(NodeCase):
         raw.eventually(lambda: len(raw.goals) > 1, "the goal once more", timeout=10)
         first, second = raw.goals[:2]
         self.assertEqual((first.goal_id, 3), (second.goal_id, second.goal.number_of_minutes))
+
+    def test_goal_of_which_nothing_is_heard_is_not_sent_for_longer_than_a_server_remembers_it(self, place):
+        raw, begun = place.meet(), time.monotonic()
+        raw.send()
+        raw.eventually(lambda: time.monotonic() - begun > 10, "some time")
+        self.assertLessEqual(len(raw.goals), 5, raw)
 
     def test_goal_that_was_just_sent_is_not_sent_again(self, place):
         """The client looks at its goal twice a second."""

@@ -30,7 +30,7 @@ from rosgraph.network import encode_ros_handshake_header
 from rospy.impl import registration, tcpros_base
 
 from actions_tutorial import robust
-from actions_tutorial.robust import client, internals, log, node, peers, rate, server, shutdown, stdout
+from actions_tutorial.robust import client, internals, log, node, parameters, peers, rate, server, shutdown, stdout
 from processes import eventually
 
 STANDS_FOR = {name: getattr(rospy if hasattr(rospy, name) else actionlib, name)
@@ -277,6 +277,22 @@ class Units(unittest.TestCase):
         for wrong in 0, -1, float("nan"), True, "5":
             with self.assertRaisesRegex(ValueError, "^heartbeat_timeout is .*above 0$", msg=wrong):
                 robust.SimpleActionClient("work", None, heartbeat_timeout=wrong)
+
+    def test_clock_that_is_set_back_adds_no_patience_with_a_lost_server(self):
+        goal = mock.Mock(silence=1.0)
+        watched = mock.MagicMock(_SimpleActionClient__goal=mock.Mock(side_effect=[goal, None]),
+                                 _SimpleActionClient__heartbeat_timeout=5)
+        with mock.patch.object(rospy, "get_time", side_effect=[1000, 10, 11]):
+            robust.SimpleActionClient._SimpleActionClient__watch(watched)
+        self.assertEqual(1, goal.silence)
+
+    def test_state_that_is_none_has_its_number_for_a_name(self):
+        self.assertEqual(["LOST", "42"], list(map(internals.name_of, (GoalStatus.LOST, 42))))
+
+    def test_parameter_that_is_not_the_nodes_own_is_asked_for_before_its_start_too(self):
+        with mock.patch.object(parameters, "_rospy_get_param", return_value=3) as asked:
+            self.assertEqual((3, 1), (robust.get_param("/plates", 1), robust.get_param("~plates", 1)))
+        asked.assert_called_once_with("/plates", 1)
 
     def test_client_whose_topics_are_closed_while_it_starts_says_that_it_was_interrupted(self):
         closed = rospy.ROSException("subscriber has been closed")

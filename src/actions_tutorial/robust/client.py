@@ -24,7 +24,7 @@ import rospy
 from actionlib import CommState
 from actionlib.action_client import CommStateMachine
 from actionlib.simple_action_client import SimpleGoalState
-from actionlib_msgs.msg import GoalStatus
+from actionlib_msgs.msg import GoalID, GoalStatus
 
 from . import log, node, peers, shutdown
 from .internals import NO_ANSWER, ask, ask_node, cannot_start, clear, name_of, need, why
@@ -33,6 +33,7 @@ from .parameters import get_params
 Seconds = Union[genpy.Duration, float]
 
 REPEATED_AFTER = 1.0  # s without a word of the server about a goal
+REPEATED_FOR = 4.0  # s, if it says nothing at all: 5 s after a goal's end it knows the id no longer, and does it again
 LOOKS = 0.5  # s between two looks at the goal
 LIVING = 6  # times heartbeat_timeout: the patience with a server whose node answers
 
@@ -275,15 +276,18 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                     return
             # A paused simulation is no silence. No more than one look's time counts: the clock may have jumped, and we
             # may have been stopped ourselves.
-            goal.silence += min(now - before, LOOKS)
+            goal.silence += max(0, min(now - before, LOOKS))
             speaks_of_others = goal.look()
-            if goal.state == CommState.WAITING_FOR_GOAL_ACK and time.monotonic() - goal.sent_at >= REPEATED_AFTER:
+            if goal.state == CommState.WAITING_FOR_GOAL_ACK and (
+                    speaks_of_others or time.monotonic() - goal.begun_at < REPEATED_FOR):
                 goal.send_again()
             if goal.silence > self.__heartbeat_timeout and (
                     speaks_of_others or goal.silence > LIVING * self.__heartbeat_timeout or not self.__server_lives()):
                 self.action_client.last_status_msg = None  # who waits for a server now waits for one that speaks
+                self.__watcher = None  # done_cb, which is called here, may send the next goal and wait for it
                 goal.lose("server lost: silent for %.1f s (heartbeat_timeout is %g s)" % (
                     goal.silence, self.__heartbeat_timeout))
+                return
 
     def __server_lives(self) -> bool:
         """Without it, a server is lost whose callback for goals takes its time: that holds the lock that a status needs
@@ -299,7 +303,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         with self.action_client.manager.list_mutex:  # either send_goal is running, or it sends nothing from now on
             self.__shutting_down = True
             goal = self.__goal()
-        if goal:
+        if goal and goal.simple_state != SimpleGoalState.DONE:
             goal.cancel()
             while goal.simple_state != SimpleGoalState.DONE and time.monotonic() < deadline:
                 time.sleep(0.01)
@@ -319,7 +323,7 @@ class _Goal(CommStateMachine):
         self.is_known = False  # the server has mentioned it
         self.mentioned, self.passed_over = True, False  # in a status since the last look
         self.silence = 0.0  # s
-        self.sent_at = time.monotonic()
+        self.begun_at = self.sent_at = time.monotonic()
         sent = io.BytesIO()
         self.action_goal.serialize(sent)
         self.sent = sent.getvalue()  # the message itself may be used again
@@ -333,7 +337,9 @@ class _Goal(CommStateMachine):
         return passed_over and not mentioned
 
     def send_again(self) -> None:
-        """The id makes it harmless."""
+        """Once a REPEATED_AFTER. The id makes it harmless."""
+        if time.monotonic() - self.sent_at < REPEATED_AFTER:
+            return
         self.sent_at = time.monotonic()
         with contextlib.suppress(rospy.ROSException):  # the client was stopped
             self.send_goal_fn(type(self.action_goal)().deserialize(self.sent))
@@ -345,7 +351,8 @@ class _Goal(CommStateMachine):
                 self.send_cancel(message)
 
     def cancel(self) -> None:
-        actionlib.ClientGoalHandle(self).cancel()
+        """Without the mutex, as a handle's would not be: active_cb may hold that for long."""
+        self.send_cancel_fn(GoalID(id=self.action_goal.goal_id.id))
 
     def lose(self, why: str) -> None:
         """End it here, and say why."""
@@ -356,6 +363,8 @@ class _Goal(CommStateMachine):
                 super()._mark_as_lost()
 
     def update_status(self, status_array: Any) -> None:
+        if self.state == CommState.DONE:
+            return  # done_cb holds the mutex for as long as it likes, and the statuses of other goals wait
         if any(status.goal_id.id == self.action_goal.goal_id.id for status in status_array.status_list):
             self.mentioned = self.is_known = True
         else:

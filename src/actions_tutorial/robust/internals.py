@@ -54,7 +54,7 @@ def is_initialized():
 def name_of(state):
     """Returns the name (str) of a state of actionlib_msgs/GoalStatus (int)."""
     # GoalStatus.to_string, of actionlib, calls PENDING "_has_header": that is False, which equals 0.
-    return next(name for name, value in vars(GoalStatus).items() if name.isupper() and value == state)
+    return next((name for name, value in vars(GoalStatus).items() if name.isupper() and value == state), str(state))
 
 
 def impatient_proxy(uri, timeout=0.5):

@@ -6,6 +6,8 @@ stand in their order. A thread takes it to /rosout and the log file a moment lat
 second thread holds its lines.
 """
 import collections
+import contextlib
+import copy
 import functools
 import logging
 import os
@@ -84,6 +86,9 @@ def hold_nobody_up(handlers):
         else:
             handler.emit = functools.partial(_write_later, _others, write)
         _taken.append(handler)
+    # Without it, a child that is forked while the thread writes never gets the lock of the file that it writes to.
+    os.register_at_fork(before=functools.partial(_others.at_work.acquire, timeout=0.5),
+                        after_in_parent=_others.work_on, after_in_child=_others.work_on)
 
 
 def give_back():
@@ -106,7 +111,9 @@ def ask_the_master_once():
     node whose name another one has taken takes it back with its last words, and the master shuts that one down, too."""
     key = "/rosout_disable_topics_generation"
     need("rospy", rospy.impl.paramserver, "get_param_server_cache")
-    rospy.impl.paramserver.get_param_server_cache().set(key, rospy.get_param(key, False))
+    cache, value = rospy.impl.paramserver.get_param_server_cache(), rospy.get_param(key, False)
+    get = cache.get
+    cache.get = lambda name: value if name == key else get(name)  # not in the cache, where it would be all of "/"
 
 
 class _Caller:
@@ -115,6 +122,7 @@ class _Caller:
     def __init__(self, pause):
         self._pause, self._calls, self._lock, self._thread = pause, queue.SimpleQueue(), threading.Lock(), None
         self.waiting = 0
+        self.at_work = threading.RLock()  # held while it calls
 
     def put(self, call):
         with self._lock:
@@ -133,9 +141,14 @@ class _Caller:
             while not self._calls.empty():
                 calls.append(self._calls.get())
             for call in calls:
-                call()
+                with self.at_work:
+                    call()
                 with self._lock:
                     self.waiting -= 1
+
+    def work_on(self):
+        with contextlib.suppress(RuntimeError):  # not got: the disk hangs
+            self.at_work.release()
 
 
 _terminal, _others = _Caller(0), _Caller(LATER)
@@ -144,6 +157,7 @@ _terminal, _others = _Caller(0), _Caller(LATER)
 def _write_at_once(handler, write, record):
     catch_up()
     if _ROSPY in record.pathname:  # its warnings quote what a peer has sent
+        record = copy.copy(record)  # others have it, too
         record.msg, record.args = printable(record.getMessage()), None
     stream = handler._stdout if record.levelno < logging.WARNING else handler._stderr
     if not _terminal.waiting and len(record.getMessage()) < AT_ONCE and _takes_a_line(stream):
@@ -153,6 +167,7 @@ def _write_at_once(handler, write, record):
 
 
 def _write_later(caller, write, record):
+    record = copy.copy(record)
     record.msg, record.args = record.getMessage(), None  # the arguments may change before the thread gets at them
     caller.put(functools.partial(write, record))
 

@@ -29,7 +29,8 @@ def get_param(param_name: str, default: Any = _UNSPECIFIED, *, lowest: Optional[
         return _rospy_get_param(param_name)
     given = _from_command_line(param_name)
     started = is_initialized()
-    value = _rospy_get_param(param_name, default) if started else given.get(param_name, default)
+    own = param_name[:1] == "~"
+    value = given.get(param_name, default) if own and not started else _rospy_get_param(param_name, default)
     kind = type(default)
     if kind not in _KINDS:
         return value
@@ -47,7 +48,7 @@ def get_param(param_name: str, default: Any = _UNSPECIFIED, *, lowest: Optional[
         must_be += "; this one is from the launch"
     elif started and param_name not in given:  # ROS keeps the parameters of earlier runs
         must_be += "; this one is from the parameter server; `rosparam delete %s`" % (
-            rospy.get_name() if param_name.startswith("~") else rospy.resolve_name(param_name))
+            rospy.get_name() if own else rospy.resolve_name(param_name))
     raise ValueError("%s is %r, must be %s" % (param_name, value, must_be))
 
 

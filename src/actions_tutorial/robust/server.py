@@ -48,19 +48,19 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         super().__init__(name, ActionSpec, auto_start=False)
         need("actionlib", self, "lock", "execute_callback", "execute_thread", "execute_condition", "action_server",
              "current_goal", "next_goal", "new_goal", "preempt_callback", "need_to_terminate")
-        self.__shutting_down = self.__closed = False
+        self.__shutting_down = False
         self.__taken_over = 0  # goals in whose midst a newer one was accepted
         self.__taken_by: Optional[int] = None  # the thread that did it last
         self.__fed_back = 0.0  # time.monotonic() of the last feedback
         self.__name = rospy.resolve_name(name)
         self.action_server = _ActionServer(
-            name, ActionSpec, self.internal_goal_callback, self.internal_preempt_callback, auto_start=False)
+            self.__begin, name, ActionSpec, self.internal_goal_callback, self.internal_preempt_callback, False)
         self.__execute_cb = execute_cb
         if execute_cb:
             self.execute_callback = self.__execute
             self.execute_condition = _GoalCondition(self)
         if auto_start:
-            self.start()
+            SimpleActionServer.start(self)  # a subclass may mean something else by it
 
     def __del__(self):
         """As actionlib's, also for a server that was not started."""
@@ -70,14 +70,15 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def start(self) -> None:
         """Serve goals from now on. Raises rospy.ROSInitException with what prevents it."""
         try:
-            rate.Rate(1, bool)  # a rospy that lacks what we need fails now, not in the middle of a goal
-            peers.serve_all_peers()
             super().start()
-            if self.__execute_cb:
-                self.execute_thread = threading.Thread(target=self.executeLoop)
-                self.execute_thread.start()
         except Exception as error:
             raise cannot_start("the action server %s cannot start: %s" % (self.__name, error)) from error
+
+    def __begin(self):
+        """Whoever has started the action server, the program itself or start()."""
+        if self.__execute_cb and not self.execute_thread:
+            self.execute_thread = threading.Thread(target=self.executeLoop)
+            self.execute_thread.start()
         shutdown.at_end(self.__shut_down)
         threading.Thread(target=self.__look_for_twins, daemon=True).start()
         self.__log(lambda: "%s waits for goals" % self.__name)
@@ -127,10 +128,10 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             self.__end(super().set_preempted, result, text or why)
 
     def publish_feedback(self, feedback: genpy.Message) -> None:
-        """Send feedback for the goal; after the node's end, nothing."""
+        """Send feedback for the goal; after the server's end, nothing."""
         log.catch_up()  # on a terminal that both share, "goal accepted" stands above the client's first line
         with self.action_server.lock:
-            if not self.__closed:
+            if self.action_server.started:
                 super().publish_feedback(feedback)
                 self.__fed_back = time.monotonic()
 
@@ -140,19 +141,17 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             goal.set_canceled(None, SHUTTING_DOWN)
             return
         with self.lock:
-            busy = self.is_active()
-            if not busy and not self.is_new_goal_available():
+            if not self.is_active() and not self.is_new_goal_available():
                 # Without it, a goal is refused for a stamp older than that of one that has ended: after one stamp from
                 # the future nobody is served any more.
                 self.current_goal = self.next_goal = actionlib.ServerGoalHandle()
-        super().internal_goal_callback(goal)
-        if busy:
-            rate.wake()
+        with rate.wake_after():
+            super().internal_goal_callback(goal)
 
     def internal_preempt_callback(self, preempt: actionlib.ServerGoalHandle) -> None:
         """For the library: a cancel has come."""
-        super().internal_preempt_callback(preempt)
-        rate.wake()
+        with rate.wake_after():
+            super().internal_preempt_callback(preempt)
 
     def __execute(self, goal):
         if goal is None:
@@ -178,7 +177,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             # The result would now and then overtake the last feedback, which actionlib's client then drops.
             time.sleep(max(0, self.__fed_back + HEAD_START - time.monotonic()))
         with self.action_server.lock:
-            if self.__closed:
+            if not self.action_server.started:
                 return
             was_active = self.is_active()
             with self.action_server.status_later(threading.current_thread() is self.execute_thread):
@@ -203,7 +202,6 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         if self.action_server.unended():
             rospy.logwarn("%s: the server ends goals that did not stop within %g s", self.__name,
                           shutdown.GOALS_END_WITHIN)
-        self.__closed = True
         self.action_server.close(SHUTTING_DOWN)
         self.__let_go()
 
@@ -262,14 +260,31 @@ class _ActionServer(actionlib.ActionServer):
     # 1.17), and the clients' heartbeat with it.
     status_frequency = property(lambda self: 0.0, lambda self, value: setattr(self, "_frequency", value))
 
-    def __init__(self, *args, **options):
+    def __init__(self, begin, *args, **options):
+        self._begin = begin
         self._later = self._late = False  # whether a status has to wait, and does
         self._unshown = []  # StatusTrackers of goals that have ended
         self._latest = rospy.Time()  # by which a clock that was set back is known
         super().__init__(*args, **options)
 
+    def start(self):
+        """Once: a second server would publish each status twice."""
+        with self.lock:
+            if self.started:
+                return
+            super().start()
+        self._begin()
+
+    def stop(self):
+        """Without it, the goals that are left have no ending."""
+        self.close(SHUTTING_DOWN)
+        time.sleep(shutdown.SENT_WITHIN)
+        super().stop()
+
     def initialize(self):
         """Without it, a parameter of a wrong type is a TypeError that names no parameter."""
+        rate.Rate(1, bool)  # a rospy that lacks what we need fails now, not in the middle of a goal
+        peers.serve_all_peers()
         ns = rospy.remap_name(self.ns)
         frequency = rospy.search_param("actionlib_status_frequency") or "actionlib_status_frequency"
         hertz = 5.0, 0.1, 100  # fewer are no heartbeat, more keep a core busy
@@ -355,8 +370,11 @@ class _ActionServer(actionlib.ActionServer):
 
     def close(self, text):
         """End whatever has no ending with text (str), and stop, even if a callback holds the lock for ever."""
+        if not self.started:
+            return
         mine = self.lock.acquire(timeout=0.05)
         try:
+            self.started = False  # without it, the heartbeat beats into closed topics
             for tracker in self.unended():
                 status = tracker.status
                 status.text, status.status = text, (
@@ -364,7 +382,6 @@ class _ActionServer(actionlib.ActionServer):
                 result = self.ActionResult(status=status, result=self.ActionResultType())
                 result.header.stamp = rospy.Time.now()
                 self.result_pub.publish(result)
-            self.started = False  # without it, the heartbeat beats into closed topics
             last = GoalStatusArray(status_list=[tracker.status for tracker in list(self.status_list)])
             last.header.stamp = rospy.Time.now()
             self.status_pub.publish(last)

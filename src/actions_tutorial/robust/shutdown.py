@@ -46,7 +46,7 @@ def at_end(end_goals):
     to the endings of its goals until deadline (as of time.monotonic()). Its object may be forgotten before."""
     if not _endings:
         rospy.on_shutdown(_end_all_goals)
-    _endings[:] = [one for one in _endings if one()] + [weakref.WeakMethod(end_goals)]
+    _endings[:] = [one for one in _endings if one() not in (None, end_goals)] + [weakref.WeakMethod(end_goals)]
 
 
 def aside(function, *args):

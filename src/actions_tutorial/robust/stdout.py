@@ -36,7 +36,8 @@ class _Stdout(io.TextIOWrapper):
     def __init__(self, close_node):
         file, before = _File(1, "wb", closefd=False), sys.__stdout__
         file.name = before.name
-        super().__init__(file, before.encoding, "backslashreplace" if before.errors == "strict" else before.errors)
+        super().__init__(file, before.encoding, "backslashreplace" if before.errors == "strict" else before.errors,
+                         write_through=getattr(before, "write_through", False))  # as with python3 -u
         self.mode, self.close_node = before.mode, close_node
 
     def write(self, text):
