@@ -87,7 +87,7 @@ def hold_nobody_up(handlers):
             handler.emit = functools.partial(_write_later, _others, write)
         _taken.append(handler)
     # Without it, a child that is forked while the thread writes never gets the lock of the file that it writes to.
-    os.register_at_fork(before=functools.partial(_others.at_work.acquire, timeout=0.5),
+    os.register_at_fork(before=functools.partial(_others.at_work.acquire, timeout=1),
                         after_in_parent=_others.work_on, after_in_child=_others.work_on)
 
 
