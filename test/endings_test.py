@@ -231,7 +231,6 @@ class Endings(NodeCase):
             for _ in range(3):
                 self.assertEqual(SUCCEEDED, scene.wait_result(scene.send(1)).status.status, server)
             server.signal(signal.SIGINT)
-            server.wait()
             self.assertEqual((0, ""), (server.wait(), server.stderr), server)
 
     def test_newer_goal_wakes_the_thread_of_the_older_one_and_is_active_before_its_feedback(self, scene):

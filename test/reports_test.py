@@ -282,7 +282,10 @@ class Reports(NodeCase):
             raw, free, said = place.meet(), threading.Event(), []
             self.addCleanup(free.set)
             goal = raw.send(**{callback: lambda *_: said.append("begun") or free.wait(20) or said.append("over")})
-            (raw.status((goal, ACTIVE), wait=False) if state == ACTIVE else raw.result(goal, wait=False))
+            if state == ACTIVE:
+                raw.status((goal, ACTIVE), wait=False)
+            else:
+                raw.result(goal, wait=False)
             raw.eventually(lambda: said, "the callback")
             raw.client._SimpleActionClient__end_goal(time.monotonic())
             raw.eventually(lambda: raw.cancels == [goal] * (state == ACTIVE), "a cancel of what runs")

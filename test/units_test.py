@@ -286,6 +286,14 @@ class Units(unittest.TestCase):
             robust.SimpleActionClient._SimpleActionClient__watch(watched)
         self.assertEqual(1, goal.silence)
 
+    def test_goal_that_is_sent_in_the_moment_in_which_the_older_is_lost_is_looked_after(self):
+        older, newer = mock.Mock(silence=100.0), mock.Mock(silence=0.0)
+        watched = mock.MagicMock(_SimpleActionClient__goal=mock.Mock(side_effect=[older, newer, newer, None]),
+                                 _SimpleActionClient__heartbeat_timeout=5)
+        with mock.patch.object(rospy, "get_time", return_value=1):
+            robust.SimpleActionClient._SimpleActionClient__watch(watched)
+        newer.look.assert_called_once_with()
+
     def test_state_that_is_none_has_its_number_for_a_name(self):
         self.assertEqual(["LOST", "42"], list(map(internals.name_of, (GoalStatus.LOST, 42))))
 

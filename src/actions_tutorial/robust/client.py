@@ -278,13 +278,17 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             # may have been stopped ourselves.
             goal.silence += max(0, min(now - before, LOOKS))
             speaks_of_others = goal.look()
-            if goal.state == CommState.WAITING_FOR_GOAL_ACK and (
-                    speaks_of_others or time.monotonic() - goal.begun_at < REPEATED_FOR):
+            real = time.monotonic()
+            if goal.state == CommState.WAITING_FOR_GOAL_ACK and real - goal.sent_at >= REPEATED_AFTER and (
+                    speaks_of_others or real - goal.begun_at < REPEATED_FOR):
                 goal.send_again()
             if goal.silence > self.__heartbeat_timeout and (
                     speaks_of_others or goal.silence > LIVING * self.__heartbeat_timeout or not self.__server_lives()):
                 self.action_client.last_status_msg = None  # who waits for a server now waits for one that speaks
-                self.__watcher = None  # done_cb, which is called here, may send the next goal and wait for it
+                with self.action_client.manager.list_mutex:
+                    if self.__goal() is not goal:
+                        continue  # another thread has sent the next one
+                    self.__watcher = None  # done_cb, which is called here, may do so and wait for it
                 goal.lose("server lost: silent for %.1f s (heartbeat_timeout is %g s)" % (
                     goal.silence, self.__heartbeat_timeout))
                 return
@@ -337,9 +341,7 @@ class _Goal(CommStateMachine):
         return passed_over and not mentioned
 
     def send_again(self) -> None:
-        """Once a REPEATED_AFTER. The id makes it harmless."""
-        if time.monotonic() - self.sent_at < REPEATED_AFTER:
-            return
+        """The id makes it harmless."""
         self.sent_at = time.monotonic()
         with contextlib.suppress(rospy.ROSException):  # the client was stopped
             self.send_goal_fn(type(self.action_goal)().deserialize(self.sent))

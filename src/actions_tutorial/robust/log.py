@@ -86,13 +86,22 @@ def hold_nobody_up(handlers):
         else:
             handler.emit = functools.partial(_write_later, _others, write)
         _taken.append(handler)
-    # Without it, a child that is forked while the thread writes never gets the lock of the file that it writes to.
-    os.register_at_fork(before=functools.partial(_others.at_work.acquire, timeout=1),
-                        after_in_parent=_others.work_on, after_in_child=_others.work_on)
+
+
+def pause():
+    """Before a fork. Without it, a child that is forked while the thread writes never gets the lock of the file."""
+    _others.at_work.acquire(timeout=1)
+
+
+def go_on():
+    """After a fork."""
+    with contextlib.suppress(RuntimeError):  # pause() did not get it: the disk hangs
+        _others.at_work.release()
 
 
 def give_back():
     """In a child process, which has no threads of ours."""
+    go_on()
     while _taken:
         handler = _taken.pop()
         del handler.emit, handler.handleError
@@ -146,10 +155,6 @@ class _Caller:
                 with self._lock:
                     self.waiting -= 1
 
-    def work_on(self):
-        with contextlib.suppress(RuntimeError):  # not got: the disk hangs
-            self.at_work.release()
-
 
 _terminal, _others = _Caller(0), _Caller(LATER)
 
@@ -157,8 +162,7 @@ _terminal, _others = _Caller(0), _Caller(LATER)
 def _write_at_once(handler, write, record):
     catch_up()
     if _ROSPY in record.pathname:  # its warnings quote what a peer has sent
-        record = copy.copy(record)  # others have it, too
-        record.msg, record.args = printable(record.getMessage()), None
+        record = _with_text(record, printable(record.getMessage()))
     stream = handler._stdout if record.levelno < logging.WARNING else handler._stderr
     if not _terminal.waiting and len(record.getMessage()) < AT_ONCE and _takes_a_line(stream):
         write(record)
@@ -167,9 +171,15 @@ def _write_at_once(handler, write, record):
 
 
 def _write_later(caller, write, record):
-    record = copy.copy(record)
-    record.msg, record.args = record.getMessage(), None  # the arguments may change before the thread gets at them
+    record = _with_text(record, record.getMessage())  # its arguments may change before the thread gets at them
     caller.put(functools.partial(write, record))
+
+
+def _with_text(record, text):
+    """Returns a copy of record (logging.LogRecord), for the program's own handlers have it, too."""
+    record = copy.copy(record)
+    record.msg, record.args = text, None
+    return record
 
 
 def _takes_a_line(stream):

@@ -2,7 +2,6 @@
 """A rate whose sleep() a stop ends."""
 from __future__ import annotations
 
-import contextlib
 from typing import Callable
 
 import rospy
@@ -49,12 +48,3 @@ def wake():
     clock = rospy.rostime.get_rostime_cond()
     with clock:
         clock.notify_all()
-
-
-@contextlib.contextmanager
-def wake_after():
-    """wake() when what is done within has been done or has failed."""
-    try:
-        yield
-    finally:
-        wake()

@@ -141,17 +141,23 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             goal.set_canceled(None, SHUTTING_DOWN)
             return
         with self.lock:
-            if not self.is_active() and not self.is_new_goal_available():
+            busy = self.is_active()
+            if not busy and not self.is_new_goal_available():
                 # Without it, a goal is refused for a stamp older than that of one that has ended: after one stamp from
                 # the future nobody is served any more.
                 self.current_goal = self.next_goal = actionlib.ServerGoalHandle()
-        with rate.wake_after():
+        try:
             super().internal_goal_callback(goal)
+        finally:  # a callback of the program's may raise
+            if busy:
+                rate.wake()
 
     def internal_preempt_callback(self, preempt: actionlib.ServerGoalHandle) -> None:
         """For the library: a cancel has come."""
-        with rate.wake_after():
+        try:
             super().internal_preempt_callback(preempt)
+        finally:
+            rate.wake()
 
     def __execute(self, goal):
         if goal is None:

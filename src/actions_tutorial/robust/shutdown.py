@@ -110,7 +110,7 @@ class Closer(threading.Thread):
         unfinished.add(self)
         rospy.on_shutdown(self._begin)
         atexit.register(self._finish)
-        os.register_at_fork(after_in_child=self._forget)
+        os.register_at_fork(before=log.pause, after_in_parent=log.go_on, after_in_child=self._forget)
         rospy.impl.masterslave.print = self._hear_request
         self.start()
 
