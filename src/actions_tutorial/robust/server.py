@@ -25,6 +25,7 @@ from .internals import NO_ANSWER, ask, ask_node, cannot_start, clear, name_of, n
 from .parameters import get_params
 
 HEAD_START = 0.005  # s, for what a client must hear first
+FEEDBACK_HEAD_START = 0.02  # s; with 5 ms and 12 busy programs on 2 cores, 9 of 1000 results came before it, now none
 SHUTTING_DOWN = "the server is shutting down"
 _RECALLABLE = GoalStatus.PENDING, GoalStatus.RECALLING
 _UNENDED = _RECALLABLE + (GoalStatus.ACTIVE, GoalStatus.PREEMPTING)
@@ -181,7 +182,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def __end(self, set_state, result, text):
         if set_state.__name__ != "set_preempted":
             # The result would now and then overtake the last feedback, which actionlib's client then drops.
-            time.sleep(max(0, self.__fed_back + HEAD_START - time.monotonic()))
+            time.sleep(max(0, self.__fed_back + FEEDBACK_HEAD_START - time.monotonic()))
         with self.action_server.lock:
             if not self.action_server.started:
                 return
