@@ -276,6 +276,10 @@ rospy.init_node = lambda *_, **__: print("ready") or threading.Event().wait()
         self.says(program(master, "import atexit\natexit.register(time.sleep, 2)\nrobust.init_node('guest')\n"
                           "os.kill(os.getpid(), signal.SIGTERM)\nrospy.spin()\nsys.exit(7)"), status=7)
 
+    def test_node_is_up_until_the_functions_of_atexit_have_run(self, master):
+        self.says(program(master, "import atexit\natexit.register(lambda: print(state()))\nrobust.init_node('guest')\n"
+                          "atexit.register(lambda: print(state()))"), "up", "up")
+
     def test_lines_of_log_that_wait_are_written_at_the_end(self, master):
         node = program(master, "robust.shutdown.LOG_WITHIN = 20\nrobust.init_node('last')\n"
                        # 1000 may wait, and each goes to two handlers

@@ -183,7 +183,8 @@ class Units(unittest.TestCase):
 
     def test_start_that_fails_leaves_no_thread_signal_or_hook_behind(self):
         def process():
-            return signal.set_wakeup_fd(-1), [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)]
+            return signal.set_wakeup_fd(-1), rospy.core.signal_shutdown, [
+                signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)]
 
         before = process()
         with mock.patch.object(atexit, "register") as added, mock.patch.object(atexit, "unregister") as removed, \

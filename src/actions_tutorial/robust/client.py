@@ -121,6 +121,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             connections = ask_node(server, "getBusInfo", 2)
         except NO_ANSWER:
             return True  # it cannot be asked
+        if not connections:  # it does not tell, or is about to connect
+            return time.monotonic() - self.__registered >= 3
         sent = {topic for _, peer, _, _, topic, *_ in connections if peer == rospy.get_name()}
         return {client.result_sub.resolved_name, client.feedback_sub.resolved_name} <= sent
 

@@ -124,12 +124,16 @@ def _check_surroundings(arguments):
 
 def asking(question):
     """Returns is_there() for wait_for(): whether the answer to question() (bool) is yes. It is asked in a thread, one
-    at a time, for an answer may take for ever; one that comes late counts at the next call within a second."""
-    thread, answer, answered = None, False, 0.0
+    at a time, for an answer may take for ever; one that comes late counts at the next call within a second. What it
+    raises, is_there() raises."""
+    thread, answer, answered, error = None, False, 0.0, None
 
     def ask():
-        nonlocal answer, answered
-        answer, answered = question(), time.monotonic()
+        nonlocal answer, answered, error
+        try:
+            answer, answered = question(), time.monotonic()
+        except Exception as raised:
+            error = raised
 
     def is_there():
         nonlocal thread, answer
@@ -142,6 +146,8 @@ def asking(question):
         if mine.is_alive():
             return False
         thread = None
+        if error:
+            raise error
         return answer and time.monotonic() - answered < 1
 
     return is_there
@@ -158,7 +164,7 @@ def _wait_for_master(uri, timeout):
 def _start(options, ports):
     need("rospy", rospy.client, "_init_node_args")
     # rospy 1.15.9 (Debian 11) calls Thread.isAlive on shutdown, which Python 3.9 removed.
-    if "isAlive" in rospy.core.signal_shutdown.__code__.co_names and not hasattr(threading.Thread, "isAlive"):
+    if "isAlive" in rospy.signal_shutdown.__code__.co_names and not hasattr(threading.Thread, "isAlive"):
         threading.Thread.isAlive = threading.Thread.is_alive
     peers.end_quietly()
     _rospy_init_node(*options, True, **ports)

@@ -109,7 +109,8 @@ class Closer(threading.Thread):
         """Before rospy.init_node, so that the goals' endings do not wait for the program's hooks."""
         unfinished.add(self)
         rospy.on_shutdown(self._begin)
-        atexit.register(self._finish)
+        atexit.register(self._main_has_ended)
+        rospy.core.signal_shutdown = self._signal_shutdown
         os.register_at_fork(before=log.pause, after_in_parent=log.go_on, after_in_child=self._forget)
         rospy.impl.masterslave.print = self._hear_request
         self.start()
@@ -123,7 +124,8 @@ class Closer(threading.Thread):
         """The node cannot start: leave the process as it was."""
         self._give_back()
         unfinished.discard(self)
-        atexit.unregister(self._finish)
+        atexit.unregister(self._main_has_ended)
+        rospy.core.signal_shutdown = rospy.signal_shutdown
         self._mouth.close()
         if not self.ident:  # else the thread hears of it, and ends
             self._ears.close()
@@ -187,8 +189,18 @@ class Closer(threading.Thread):
         rospy.core._xmlrpc_cache[uri] = impatient_proxy(uri)
         _end_all_goals()
 
+    def _main_has_ended(self):
+        if self._deadline:
+            self._finish()
+
+    def _signal_shutdown(self, reason):
+        """In place of what rospy's own atexit function calls, which comes after the program's: their node is up yet."""
+        if reason == "atexit":
+            self._finish()
+        rospy.signal_shutdown(reason)
+
     def _finish(self):
-        """When the main thread has ended; the exit status stays what it is."""
+        """The exit status stays what it is."""
         self.close(_END)
         self._closed.wait(max(0, (self._begun or time.monotonic()) + CLOSED_WITHIN - time.monotonic()))
         self._deadline = None
@@ -205,7 +217,7 @@ class Closer(threading.Thread):
     def _forget(self):
         """In a child process: its signals and its end are not the node's."""
         self._give_back()
-        atexit.unregister(self._finish)
+        atexit.unregister(self._main_has_ended)
         atexit.unregister(rospy.core._ros_atexit)  # it would take the parent's topics off the master
         self._ears.close()
         self._mouth.close()
