@@ -63,7 +63,7 @@ class ManyGoals(unittest.TestCase):
                     print("%6d goals, %4.0f s: %d KiB resident, %d threads, %d open files" % (
                         (sent, time.monotonic() - begun) + taken[-1]), flush=True)
                     scene.forget()
-            threads, files = (min(column) for column in list(zip(*taken))[1:])
+            _, threads, files = map(min, zip(*taken))
             # Eventually: a call of a peer's takes a thread and a file as long as it lasts.
             eventually(lambda: server.usage.num_threads() <= threads and server.usage.num_fds() <= files,
                        "no more threads and open files at the end than after a part, of %s" % taken, scene)

@@ -253,7 +253,9 @@ class Units(unittest.TestCase):
         with closer() as one, mock.patch.object(shutdown, "CLOSED_WITHIN", 0):
             log._soon.append(lambda: "first")
             log._others.put(lambda: eventually(lambda: said, "the first") and said.append("second"))
+            rospy.core.signal_shutdown = one._signal_shutdown  # as begin() does
             one._finish()
+            self.assertIs(rospy.signal_shutdown, rospy.core.signal_shutdown, "who would end the node once more")
         self.assertEqual(["first", "second"], said)
 
     def test_line_on_a_goal_that_another_thread_has_just_taken_is_no_error(self):
@@ -328,6 +330,8 @@ class Units(unittest.TestCase):
             connections = [(1, rospy.get_name(), "o", "TCPROS", "/result"), (2, peer, "o", "TCPROS", "/feedback")]
             with mock.patch.object(client, "ask_node", return_value=connections):
                 self.assertEqual(peer != "elsewhere", robust.SimpleActionClient._SimpleActionClient__ask_server(asked))
+        asked.action_client.last_status_msg = None  # since the watcher gave the server up
+        self.assertFalse(robust.SimpleActionClient._SimpleActionClient__ask_server(asked))
 
     def goal_and_result(self, told, send_cancel=None):
         """Returns a goal that calls these functions with its handle and with a cancel, and its result, SUCCEEDED."""
@@ -372,6 +376,14 @@ class Units(unittest.TestCase):
             now[0] = 1.5
             self.assertFalse(is_there())
             eventually(is_there, "a new answer")
+
+    def test_question_that_raised_is_asked_again(self):
+        answers = []
+        is_there = node.asking(lambda: answers.pop())
+        with self.assertRaises(IndexError):
+            eventually(is_there, "an error")
+        answers.append(True)
+        eventually(is_there, "an answer")
 
     def peers_server(self, connection_handler=None):
         """Returns rospy's server for peers, a new one, mended; and a function that connects to it and sends bytes."""

@@ -34,6 +34,7 @@ Seconds = Union[genpy.Duration, float]
 
 REPEATED_AFTER = 1.0  # s without a word of the server about a goal
 REPEATED_FOR = 4.0  # s, if it says nothing at all: 5 s after a goal's end it knows the id no longer, and does it again
+CONNECTED_AFTER = 3  # s that a server may take to connect, once the master has told it of us
 LOOKS = 0.5  # s between two looks at the goal
 LIVING = 6  # times heartbeat_timeout: the patience with a server whose node answers
 
@@ -112,7 +113,10 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """Returns whether messages go both ways. Without it, what is sent while a connection is being made is lost: the
         library looks at its own ends only."""
         client = self.action_client
-        server = client.last_status_msg._connection_header["callerid"]
+        status = client.last_status_msg
+        if not status:
+            return False  # lost since wait_for_server() looked
+        server = status._connection_header["callerid"]
         publishers = client.pub_goal, client.pub_cancel
         if not all(publisher.impl.has_connection(server) for publisher in publishers):
             self.__register_again(publishers)
@@ -122,14 +126,14 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         except NO_ANSWER:
             return True  # it cannot be asked
         if not connections:  # it does not tell, or is about to connect
-            return time.monotonic() - self.__registered >= 3
+            return time.monotonic() - self.__registered >= CONNECTED_AFTER
         sent = {topic for _, peer, _, _, topic, *_ in connections if peer == rospy.get_name()}
         return {client.result_sub.resolved_name, client.feedback_sub.resolved_name} <= sent
 
     def __register_again(self, publishers: tuple) -> None:
         """Have the master tell the server of us once more. Without it, a server without robust that has dropped our
         connections does not make them again (see peers.py, _OneAtATime)."""
-        if time.monotonic() - self.__registered >= 3:
+        if time.monotonic() - self.__registered >= CONNECTED_AFTER:
             self.__registered = time.monotonic()
             for publisher in publishers:
                 with contextlib.suppress(*NO_ANSWER):  # later, then

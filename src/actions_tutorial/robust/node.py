@@ -136,10 +136,10 @@ def asking(question):
             error = raised
 
     def is_there():
-        nonlocal thread, answer
+        nonlocal thread, answer, error
         mine = thread
         if not mine:
-            answer = False
+            answer, error = False, None
             mine = thread = threading.Thread(target=ask, daemon=True)
             mine.start()
         mine.join(0.02)

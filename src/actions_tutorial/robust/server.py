@@ -25,7 +25,7 @@ from .internals import NO_ANSWER, ask, ask_node, cannot_start, clear, name_of, n
 from .parameters import get_params
 
 HEAD_START = 0.005  # s, for what a client must hear first
-FEEDBACK_HEAD_START = 0.02  # s; with 5 ms and 12 busy programs on 2 cores, 9 of 1000 results came before it, now none
+FEEDBACK_HEAD_START = 0.02  # s; with 5 ms, 9 of 1000 results overtook theirs on 2 cores with 12 busy programs, now none
 SHUTTING_DOWN = "the server is shutting down"
 _RECALLABLE = GoalStatus.PENDING, GoalStatus.RECALLING
 _UNENDED = _RECALLABLE + (GoalStatus.ACTIVE, GoalStatus.PREEMPTING)

@@ -200,7 +200,8 @@ class Closer(threading.Thread):
         rospy.signal_shutdown(reason)
 
     def _finish(self):
-        """The exit status stays what it is."""
+        """Once; the exit status stays what it is."""
+        rospy.core.signal_shutdown = rospy.signal_shutdown
         self.close(_END)
         self._closed.wait(max(0, (self._begun or time.monotonic()) + CLOSED_WITHIN - time.monotonic()))
         self._deadline = None
