@@ -38,6 +38,7 @@ class TestPlain(ServerCase):
         self.assertEqual([PENDING], self.scene.states[newer])
         self.clock.turn(0.25)
         self.scene.check_ending(older, PREEMPTED, bowls(2))
+        self.scene.wait_bowls(newer, 1)  # with the clock standing still, or finish() may turn it on too early
         self.finish(newer, 1)
 
     def test_cancel_in_the_last_second_is_ignored(self):
