@@ -5,6 +5,7 @@ import fcntl
 import glob
 import os
 import pty
+import re
 import select
 import signal
 import socket
@@ -233,6 +234,14 @@ heard.set()
         node.signal(signal.SIGINT)
         self.says(node, "ready", "True")
 
+    def test_main_program_in_pause_goes_on_when_the_node_is_down(self, master):
+        node = program(master, "robust.init_node('guest')\nprint('ready')\nwhile not rospy.is_shutdown():\n"
+                       "    signal.pause()\nprint('motors off')\nsys.exit(3)")
+        node.expect("ready")
+        time.sleep(0.1)  # not an event: whoever waits in pause() says nothing
+        self.ends(node, status=3)
+        self.assertIn("motors off", node.stdout, node)
+
     def test_signal_ends_the_node_though_the_wake_up_descriptor_of_the_program_is_closed(self, master):
         node = program(master, "import socket\n_, wake = socket.socketpair()\nwake.setblocking(False)\n"
                        "signal.set_wakeup_fd(wake.fileno())\nrobust.init_node('guest')\nwake.close()\nprint('ready')\n"
@@ -265,9 +274,22 @@ rospy.init_node = lambda *_, **__: print("ready") or threading.Event().wait()
         self.ends(node, status=1)
 
     def test_start_that_fails_for_whatever_reason_is_one_line(self, master):
-        node = program(master, "from actions_tutorial import robust\nrobust.init_node('guest')",
-                       head="import rospy\nrospy.init_node = lambda *_, **__: [].pop()\n")
-        self.assertEqual((1, "the node guest cannot start: pop from empty list\n"), (node.wait(), node.stderr), node)
+        with socket.socket() as taken:
+            taken.bind(("", 0))
+            taken.listen(1)
+            port = taken.getsockname()[1]
+            for head, arguments, reason in (
+                    ("rospy.init_node = lambda *_, **__: [].pop()", "",
+                     "the node guest cannot start: pop from empty list"),
+                    ("rospy.init_node = lambda *_, **__: {}['a']", "", "the node guest cannot start: KeyError('a')"),
+                    ("", ", log_level=7", "the node guest cannot start: KeyError(7)"),
+                    ("", ", argv=['', '_p:=[1']", "the node guest cannot start: invalid command-line parameters: .*\\[1.*"),
+                    ("", ", tcpros_port=%d" % port, "tcpros_port is %d: .*in use" % port),
+                    ("", ", xmlrpc_port=%d" % port, "xmlrpc_port is %d: .*in use" % port)):
+                node = program(master, "from actions_tutorial import robust\nrobust.init_node('guest'%s)" % arguments,
+                               head="import rospy\n%s\n" % head)
+                self.assertEqual(1, node.wait(), node)
+                self.assertRegex(node.stderr, "^%s\n$" % (reason if ".*" in reason else re.escape(reason)), node)
 
     def test_exit_status_of_a_program_stays_however_long_its_end_takes(self, master):
         self.says(program(master, "from actions_tutorial.robust import shutdown\nshutdown.KILLED_AFTER = 0.1\n"
@@ -297,12 +319,13 @@ rospy.init_node = lambda *_, **__: print("ready") or threading.Event().wait()
             self.assertEqual((status, 1), (node.wait(), node.stderr.count("cannot write to stdout")), node)
 
     def test_lines_stand_in_the_order_in_which_they_were_printed_and_logged(self, master):
-        node = program(master, "print('first')\nrobust.init_node('guest')\nprint('second')\n"
+        node = program(master, "stdout = sys.stdout\nprint('first')\nrobust.init_node('guest')\nprint('second')\n"
+                       "print('through the stream from before', file=stdout)\n"
                        "[rospy.loginfo(str(number) * (2500 >> number % 2 * 9)) for number in range(10)]\n"
                        "sys.stdout = io.TextIOWrapper(sys.stdout.buffer)\nprint('through another stream')",
                        ROSCONSOLE_FORMAT="${message}", PYTHONUNBUFFERED="")
         self.assertEqual(0, node.wait(), node)
-        self.assertEqual(["f", "s", *"0123456789", "t"], [line[0] for line in node.stdout.splitlines()], node)
+        self.assertEqual(["f", "s", "t", *"0123456789", "t"], [line[0] for line in node.stdout.splitlines()], node)
 
     def test_signal_handler_prints_in_the_midst_of_a_print_that_waits_and_nothing_is_lost(self, master):
         read, write = os.pipe()
@@ -321,6 +344,18 @@ print("x" * 200000)
         with open(read) as pipe:
             said = pipe.read()
         self.assertEqual((0, 200000, 1), (node.wait(), said.count("x"), said.count("handler")), node)
+
+    def test_what_is_printed_into_a_slow_pipe_is_whole_whoever_prints_and_whatever_its_type(self, master):
+        for code, lines in (
+                ("import array\nsys.stdout.buffer.write(array.array('I', b'abcd' * 50000))\nprint()",
+                 ["abcd" * 50000]),
+                ("os.set_blocking(1, False)\nprint('x' * 200000)", ["x" * 200000]),
+                ("def work(letter):\n    for _ in range(30):\n        print(letter * 20000)\n"
+                 "for letter in 'abcd':\n    threading.Thread(target=work, args=[letter]).start()",
+                 [letter * 20000 for letter in "abcd" for _ in range(30)])):
+            node = program(master, "robust.init_node('guest')\n" + code, PYTHONUNBUFFERED="")
+            self.assertEqual(0, node.wait(), node)
+            self.assertEqual(lines, sorted(node.stdout.splitlines()), code)
 
     def test_silent_peers_of_a_node_without_a_server_hold_up_nobody_and_are_let_go(self, master):
         """And one that speaks slowly is heard to its end."""
@@ -426,14 +461,15 @@ print(sorted(buffer.getvalue().splitlines()))
 
     def test_each_print_is_seen_at_once_a_progress_without_an_end_of_line_too(self, master):
         for make in os.pipe, pty.openpty:
-            for end in "\n", "\r", "":
+            for line, code in (("50 %\n", "print('50 %')"), ("50 %\r", "print('50 %', end='\\r')"),
+                               ("50 %", "print('50 %', end='')"), ("\r50 %", "sys.stdout.write('\\r50 %')")):
                 read, write = make()
-                node = program(master, "robust.init_node('guest')\nprint('50 %%', end=%r)\nrospy.spin()" % end,
+                node = program(master, "robust.init_node('guest')\n%s\nrospy.spin()" % code,
                                stdout=write, PYTHONUNBUFFERED="")
                 seen = ""
-                while seen.replace("\r\n", "\n") != "50 %" + end:
+                while seen.replace("\r\n", "\n") != line:
                     self.assertTrue(select.select([read], [], [], 20)[0], "%r of %r seen through %s by %s" % (
-                        seen, "50 %" + end, make.__name__, node))
+                        seen, line, make.__name__, node))
                     seen += os.read(read, 100).decode()
                 node.stop()
                 for number in read, write:
@@ -652,6 +688,20 @@ robust.init_node("guest", log_level=rospy.FATAL)
 logging.getLogger("rosout").addHandler(Mine())
 logging.getLogger("rosout").critical("bowl %d", 1)
 print(rospy.get_param("/")["plates"])"""), "bowl %d (1,)", "3")
+        file = os.path.join(master.home, "log.yaml")
+        with open(file, "w") as config:
+            config.write("{version: 1, handlers: {mine: {class: __main__.Mine}}, root: {handlers: [mine]},"
+                         " loggers: {rosout: {level: INFO}}}")
+        self.says(program(master, """
+import logging
+
+class Mine(logging.Handler):
+    def emit(self, record):
+        if record.name == "rosout":
+            print(record.msg, record.args, threading.current_thread() is threading.main_thread())
+
+robust.init_node("guest")
+logging.getLogger("rosout").info("bowl %d", 1)""", ROS_PYTHON_LOG_CONFIG_FILE=file), "bowl %d (1,) True")
 
     def test_unbuffered_stdout_shows_what_is_no_line(self, master):
         node = program(master, "robust.init_node('guest')\nsys.stdout.write('a plate')\nos._exit(0)")  # as by -u

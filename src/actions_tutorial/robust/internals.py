@@ -29,9 +29,10 @@ def cannot_start(text):
 
 
 def why(error):
-    """Returns what to say of an error (Exception) of a start."""
+    """Returns what to say (str, one line) of an error (Exception) of a start."""
     need("rospy", rospy.core, "is_shutdown_requested")  # true before is_shutdown(): topics are closed in between
-    return "interrupted" if rospy.core.is_shutdown_requested() else error
+    text = repr(error) if isinstance(error, KeyError) else str(error)  # which says the key and no more
+    return "interrupted" if rospy.core.is_shutdown_requested() else " ".join(text.split())
 
 
 def need(library, owner, *names):

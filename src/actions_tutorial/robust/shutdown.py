@@ -94,6 +94,7 @@ class Closer(threading.Thread):
         self._before = {}  # signal handlers by number
         self._fd_before = self._file_before = None  # the wake-up descriptor, and what it stands for
         self._begun = self._deadline = None  # time.monotonic()
+        self._heard = None  # the number of a signal that the main thread went on after
         self._closed = threading.Event()
 
     def heed_signals(self):
@@ -117,7 +118,7 @@ class Closer(threading.Thread):
 
     def is_up(self):
         """After rospy.init_node, which adds the hooks that come before."""
-        rospy.core.add_shutdown_hook(lambda _: self._closed.set())
+        rospy.core.add_shutdown_hook(self._is_down)
         unfinished.discard(self)
 
     def give_up(self):
@@ -173,6 +174,14 @@ class Closer(threading.Thread):
             self._closed.wait(CLOSED_WITHIN)  # as with rospy, the program's own handler comes after the node's end
             with contextlib.suppress(KeyboardInterrupt):
                 before(number, frame)
+        else:
+            self._heard = number
+
+    def _is_down(self, _):
+        """From now on rospy.is_shutdown(). A main thread in signal.pause() looked before: the signal comes again."""
+        if self._heard and signal.getsignal(self._heard) == self._heed:
+            signal.pthread_kill(threading.main_thread().ident, self._heard)
+        self._closed.set()
 
     def _hear_request(self, text):
         """In place of print in rospy/impl/masterslave.py, shutdown, whose line would stand in the node's stdout."""

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Standard output of print: what it prints is there at once, and a node whose lines nobody can read ends."""
+import contextlib
 import io
 import os
+import select
 import sys
 import threading
 
@@ -14,7 +16,7 @@ def take_over(close_node):
     """Take the place of Python's own sys.stdout; one that somebody has redirected stays. close_node() is called when
     it cannot be written any more, from a thread that is not the main one."""
     if sys.stdout is sys.__stdout__ and getattr(sys.stdout, "name", None) == "<stdout>":
-        sys.stdout.flush()
+        sys.stdout.reconfigure(line_buffering=True)  # whoever has it from before, as a default of an argument, prints on
         sys.stdout = _Stdout(close_node)
         _kept.append(sys.stdout)
 
@@ -22,11 +24,25 @@ def take_over(close_node):
 class _File(io.FileIO):
     """Without a buffer of its own, which would refuse a signal handler's print in the midst of another one."""
 
+    raw = property(lambda self: self)
+
+    def __init__(self, *args, **kwargs):
+        super().__init__(*args, **kwargs)
+        self.forget()
+        os.register_at_fork(after_in_child=self.forget)
+
+    def forget(self):
+        """In a child, where a thread that was writing is no more."""
+        self._turn = threading.RLock()
+
     def write(self, data):
-        left = memoryview(data)
-        while left:
-            left = left[super().write(left):]
-        return len(data)
+        left = memoryview(data).cast("B")
+        size = len(left)
+        # The system keeps a short one whole, and a signal handler in the midst of it may wait for another thread's.
+        with self._turn if size > select.PIPE_BUF else contextlib.nullcontext():
+            while left:
+                left = left[super().write(left) or select.select([], [self], []) and 0:]
+        return size
 
 
 class _Stdout(io.TextIOWrapper):
@@ -39,11 +55,12 @@ class _Stdout(io.TextIOWrapper):
         super().__init__(file, before.encoding, "backslashreplace" if before.errors == "strict" else before.errors,
                          write_through=getattr(before, "write_through", False))  # as with python3 -u
         self.mode, self.close_node = before.mode, close_node
+        self._CHUNK_SIZE = 65536  # characters: a line up to there is one write, its end as well
 
     def write(self, text):
         try:
             written = super().write(text)
-            if not text or text.endswith(("\n", "\r")):  # the last that print writes, end="" as well
+            if not text or text.endswith("\n") or "\r" in text:  # the last that print writes, or a progress
                 self.flush()  # all that is printed at once, so that no other node's line gets in between
             return written
         except OSError as error:
