@@ -164,7 +164,7 @@ def _wait_for_master(uri, timeout):
 
 def _start(options, ports):
     need("rospy", rospy.client, "_init_node_args")
-    for name, port in ports.items():  # else rospy waits for the first for ever, and starts a deaf node without the other
+    for name, port in ports.items():  # else rospy waits for ever for one, and starts deaf without the other
         with socket.socket() as trial:
             trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:

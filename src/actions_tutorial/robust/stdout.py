@@ -16,7 +16,7 @@ def take_over(close_node):
     """Take the place of Python's own sys.stdout; one that somebody has redirected stays. close_node() is called when
     it cannot be written any more, from a thread that is not the main one."""
     if sys.stdout is sys.__stdout__ and getattr(sys.stdout, "name", None) == "<stdout>":
-        sys.stdout.reconfigure(line_buffering=True)  # whoever has it from before, as a default of an argument, prints on
+        sys.stdout.reconfigure(line_buffering=True)  # some have it from before, as a default of an argument
         sys.stdout = _Stdout(close_node)
         _kept.append(sys.stdout)
 
