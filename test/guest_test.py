@@ -238,7 +238,6 @@ heard.set()
         node = program(master, "robust.init_node('guest')\nprint('ready')\nwhile not rospy.is_shutdown():\n"
                        "    signal.pause()\nprint('motors off')\nsys.exit(3)")
         node.expect("ready")
-        time.sleep(0.1)  # not an event: whoever waits in pause() says nothing
         self.ends(node, status=3)
         self.assertIn("motors off", node.stdout, node)
 
@@ -260,6 +259,13 @@ heard.set()
                           "    thread = threading.Thread(target=print)\n    thread.start()\n"
                           "    thread.join()\n    os._exit(0)\nos.wait()\nprint(state())\n"
                           "rospy.signal_shutdown('')"), "up")
+
+    def test_child_that_is_forked_while_a_thread_prints_a_long_line_prints_too(self, master):
+        self.says(program(master, "robust.init_node('guest')\n"
+                          "thread = threading.Thread(target=robust.stdout._turn.acquire)\n"
+                          "thread.start()\nthread.join()\n"
+                          "if not os.fork():\n    print('x' * 5000)\n    os._exit(0)\n"
+                          "os.wait()\nrospy.signal_shutdown('')"), "x" * 5000)
 
     def test_more_signals_give_a_stubborn_node_no_more_time(self, master):
         node, = self.stubborn(master, STUBBORN[0])
@@ -283,13 +289,26 @@ rospy.init_node = lambda *_, **__: print("ready") or threading.Event().wait()
                      "the node guest cannot start: pop from empty list"),
                     ("rospy.init_node = lambda *_, **__: {}['a']", "", "the node guest cannot start: KeyError('a')"),
                     ("", ", log_level=7", "the node guest cannot start: KeyError(7)"),
-                    ("", ", argv=['', '_p:=[1']", ".*: invalid command-line parameters: .*\\[1.*"),
+                    ("", ", argv=['', '_p:=[1']",
+                     "the node guest cannot start: invalid command-line parameters: .*\\[1.*"),
                     ("", ", tcpros_port=%d" % port, "tcpros_port is %d: .*in use" % port),
                     ("", ", xmlrpc_port=%d" % port, "xmlrpc_port is %d: .*in use" % port)):
                 node = program(master, "from actions_tutorial import robust\nrobust.init_node('guest'%s)" % arguments,
                                head="import rospy\n%s\n" % head)
                 self.assertEqual(1, node.wait(), node)
                 self.assertRegex(node.stderr, "^%s\n$" % (reason if ".*" in reason else re.escape(reason)), node)
+
+    def test_node_starts_on_ipv6_with_ports_of_its_own_choice(self, master):
+        if not os.path.exists("/proc/net/if_inet6"):
+            self.skipTest("this machine has no IPv6")
+        with socket.socket() as one, socket.socket() as other:
+            for free in one, other:
+                free.bind(("", 0))
+            ports = [free.getsockname()[1] for free in (one, other)]
+        self.says(program(master, "robust.init_node('guest', xmlrpc_port=%d, tcpros_port=%d)\n"
+                          "print(rospy.get_node_uri().split(':')[-1], "
+                          "rospy.impl.tcpros_base.get_tcpros_server_address()[1])" % tuple(ports),
+                          ROS_IPV6="on"), "%d/ %d" % tuple(ports))
 
     def test_exit_status_of_a_program_stays_however_long_its_end_takes(self, master):
         self.says(program(master, "from actions_tutorial.robust import shutdown\nshutdown.KILLED_AFTER = 0.1\n"
@@ -347,8 +366,8 @@ print("x" * 200000)
 
     def test_what_is_printed_into_a_slow_pipe_is_whole_whoever_prints_and_whatever_its_type(self, master):
         for code, lines in (
-                ("import array\nsys.stdout.buffer.write(array.array('I', b'abcd' * 50000))\nprint()",
-                 ["abcd" * 50000]),
+                ("import array\nsys.stdout.buffer.write(array.array('I', b'abcd' * 50000))\n"
+                 "sys.stdout.buffer.raw.write(b'!')\nprint()", ["abcd" * 50000 + "!"]),
                 ("os.set_blocking(1, False)\nprint('x' * 200000)", ["x" * 200000]),
                 ("def work(letter):\n    for _ in range(30):\n        print(letter * 20000)\n"
                  "for letter in 'abcd':\n    threading.Thread(target=work, args=[letter]).start()",

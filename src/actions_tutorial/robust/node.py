@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import socket
 import sys
 import threading
 import time
@@ -164,13 +163,8 @@ def _wait_for_master(uri, timeout):
 
 def _start(options, ports):
     need("rospy", rospy.client, "_init_node_args")
-    for name, port in ports.items():  # else rospy waits for ever for one, and starts deaf without the other
-        with socket.socket() as trial:
-            trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                trial.bind((rosgraph.network.get_bind_address(), port))
-            except (OSError, OverflowError, TypeError) as error:
-                raise cannot_start("%s is %r: %s" % (name, port, error)) from error
+    for name, port in ports.items():
+        peers.check_port(name, port)
     # rospy 1.15.9 (Debian 11) calls Thread.isAlive on shutdown, which Python 3.9 removed.
     if "isAlive" in rospy.signal_shutdown.__code__.co_names and not hasattr(threading.Thread, "isAlive"):
         threading.Thread.isAlive = threading.Thread.is_alive
@@ -180,9 +174,9 @@ def _start(options, ports):
 
 @contextlib.contextmanager
 def _new_handlers_of_the_log():
-    """Gives a list that holds, at the end, the logging.Handlers that were added meanwhile, without those of the
-    program's own (ROS_PYTHON_LOG_CONFIG_FILE). What goes wrong with them
-    is said later: without it, a disk that is full costs a traceback for each line of log."""
+    """Gives a list that holds, at the end, the logging.Handlers that were added meanwhile, without the program's own
+    (ROS_PYTHON_LOG_CONFIG_FILE). What goes wrong with them is said later: without it, a disk that is full costs a
+    traceback for each line of log."""
     loggers = logging.getLogger(), logging.getLogger("rosout")
     before = [handler for logger in loggers for handler in logger.handlers]
     complain, logging.raiseExceptions, new = logging.raiseExceptions, False, []

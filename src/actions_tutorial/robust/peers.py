@@ -11,7 +11,7 @@ import weakref
 import rosgraph.xmlrpc
 from rospy.impl import registration, tcpros_base
 
-from .internals import need
+from .internals import cannot_start, need
 
 ACCEPTS_WITHIN = 1  # s that rospy's thread may leave a peer waiting; longer, it reads from one that is silent
 SPEAKS_WITHIN = 10  # s that a peer may take to send its first byte
@@ -61,6 +61,17 @@ def end_quietly():
     need("rospy", rosgraph.xmlrpc, "ThreadingXMLRPCServer")
     rosgraph.xmlrpc.ThreadingXMLRPCServer.service_actions = _end_when_closed
     tcpros_base.TCPServer.run = _run
+
+
+def check_port(name, port):
+    """Raises rospy.ROSInitException if the port (int; 0: any) that is called name (str) cannot be had. Without it,
+    rospy waits for ever for the one for calls, and starts deaf without the one for peers."""
+    if port:
+        need("rospy", tcpros_base, "TCPServer")
+        try:
+            tcpros_base.TCPServer(None, port).server_sock.close()
+        except (OSError, OverflowError, TypeError) as error:
+            raise cannot_start("%s is %r: %s" % (name, port, error)) from error
 
 
 def _read_side_by_side():

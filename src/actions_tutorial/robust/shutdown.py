@@ -26,7 +26,7 @@ import weakref
 import rosgraph
 import rospy
 
-from . import log
+from . import log, stdout
 from .internals import impatient_proxy, is_initialized, need
 
 GOALS_END_WITHIN = 1.0  # s of the beginning, as all of these
@@ -232,6 +232,7 @@ class Closer(threading.Thread):
         self._ears.close()
         self._mouth.close()
         log.give_back()
+        stdout.give_back()
 
 
 def _file(number):

@@ -10,6 +10,7 @@ import threading
 import rospy
 
 _kept: list = []  # without it, a program that puts another stream around its buffer finds that closed
+_turn = threading.RLock()  # of who writes
 
 
 def take_over(close_node):
@@ -21,27 +22,28 @@ def take_over(close_node):
         _kept.append(sys.stdout)
 
 
+def give_back():
+    """In a child process, where a thread that was writing is no more."""
+    global _turn
+    _turn = threading.RLock()
+
+
 class _File(io.FileIO):
     """Without a buffer of its own, which would refuse a signal handler's print in the midst of another one."""
 
     raw = property(lambda self: self)
 
-    def __init__(self, *args, **kwargs):
-        super().__init__(*args, **kwargs)
-        self.forget()
-        os.register_at_fork(after_in_child=self.forget)
-
-    def forget(self):
-        """In a child, where a thread that was writing is no more."""
-        self._turn = threading.RLock()
-
     def write(self, data):
         left = memoryview(data).cast("B")
         size = len(left)
         # The system keeps a short one whole, and a signal handler in the midst of it may wait for another thread's.
-        with self._turn if size > select.PIPE_BUF else contextlib.nullcontext():
+        with _turn if size > select.PIPE_BUF else contextlib.nullcontext():
             while left:
-                left = left[super().write(left) or select.select([], [self], []) and 0:]
+                written = super().write(left)
+                if written is None:  # a full pipe that does not block
+                    select.select([], [self], [])
+                else:
+                    left = left[written:]
         return size
 
 
