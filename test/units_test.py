@@ -245,14 +245,14 @@ class Units(unittest.TestCase):
         rospy.loginfo("later")
         log._write_later(caller, lambda line: said.append(line.getMessage()), record("%s", words))
         words[:] = ["now"]
-        caller.put.call_args[0][0]()
+        caller.call.call_args[0][0]()
         self.assertEqual([*map(str, range(1000)), "later", "['then']"], said)
 
     def test_flush_waits_for_the_lines_so_far_and_the_end_of_a_node_flushes(self):
         said = self.logged()
         with closer() as one, mock.patch.object(shutdown, "CLOSED_WITHIN", 0):
             log._soon.append(lambda: "first")
-            log._others.put(lambda: eventually(lambda: said, "the first") and said.append("second"))
+            log._others.call(lambda: eventually(lambda: said, "the first") and said.append("second"))
             rospy.core.signal_shutdown = one._signal_shutdown  # as begin() does
             one._finish()
             self.assertIs(rospy.signal_shutdown, rospy.core.signal_shutdown, "who would end the node once more")
@@ -262,13 +262,16 @@ class Units(unittest.TestCase):
         with mock.patch.object(log, "_soon", mock.MagicMock(popleft=mock.Mock(side_effect=IndexError))):
             log.catch_up()
 
-    def test_stdout_has_the_name_the_mode_and_the_encoding_of_pythons(self):
+    def test_stdout_of_python_stays_and_a_child_gets_it_back(self):
         for errors, ours in ("strict", "backslashreplace"), ("surrogateescape", "surrogateescape"):
-            sys.__stdout__.reconfigure(errors=errors)
-            stand_in = stdout._Stdout(print)
-            self.assertEqual(
-                (sys.__stdout__.name, sys.__stdout__.mode, sys.__stdout__.encoding, ours),
-                (stand_in.name, stand_in.mode, stand_in.encoding, stand_in.errors))
+            stream = io.TextIOWrapper(io.BytesIO(), "ascii", errors)
+            stream.buffer.name = "<stdout>"
+            with mock.patch.multiple(sys, stdout=stream, __stdout__=stream):
+                stdout.take_over(print)
+                self.assertIs(stream, sys.stdout)
+                self.assertEqual((ours, ["write"]), (stream.errors, list(vars(stream))))
+                stdout.give_back()
+            self.assertEqual([], list(vars(stream)))
 
     def test_stdout_that_is_none_of_pythons_stays(self):
         for other in None, io.StringIO(), io.TextIOWrapper(io.BytesIO()):

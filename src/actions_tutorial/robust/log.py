@@ -30,11 +30,6 @@ AT_ONCE = 2000  # characters; a pipe that takes anything takes 4096 bytes withou
 _ROSPY = os.path.join("rospy", "impl", "")
 
 
-class _Here(threading.local):
-    catches_up = False
-
-
-_here = _Here()
 _taken: list = []  # the handlers, as long as nobody has to wait for them
 _soon: collections.deque = collections.deque(maxlen=WAITING)  # lines on goals: functions that return them
 
@@ -58,16 +53,12 @@ def soon(line):
 
 def catch_up():
     """Write the lines that were logged with soon()."""
-    if _here.catches_up:
-        return  # each line of log does so first; these do not, or each would stand behind the next
-    _here.catches_up = True
-    try:
-        while _soon:
-            rospy.loginfo("%s", _soon.popleft()())
-    except IndexError:
-        pass  # another thread was faster
-    finally:
-        _here.catches_up = False
+    lines = []
+    with contextlib.suppress(IndexError):  # all at once: each line of log does so first, these as well
+        while True:
+            lines.append(_soon.popleft())
+    for line in lines:
+        rospy.loginfo("%s", line())
 
 
 def hold_nobody_up(handlers):
@@ -111,7 +102,7 @@ def flush(seconds):
     """Wait until the lines so far are written, at most so many seconds."""
     end = time.monotonic() + seconds
     catch_up()
-    while _terminal.waiting + _others.waiting and time.monotonic() < end:
+    while _terminal.unfinished_tasks + _others.unfinished_tasks and time.monotonic() < end:
         time.sleep(0.005)
 
 
@@ -125,35 +116,28 @@ def ask_the_master_once():
     cache.get = lambda name: value if name == key else get(name)  # not in the cache, where it would be all of "/"
 
 
-class _Caller:
+class _Caller(queue.Queue):
     """A thread, started with its first call, that makes calls pause (s) after they came."""
 
     def __init__(self, pause):
-        self._pause, self._calls, self._lock, self._thread = pause, queue.SimpleQueue(), threading.Lock(), None
-        self.waiting = 0
-        self.at_work = threading.RLock()  # held while it calls
+        super().__init__(WAITING)
+        self._pause, self._begins, self.at_work = pause, threading.Lock(), threading.RLock()
 
-    def put(self, call):
-        with self._lock:
-            if self.waiting >= WAITING:
-                return
-            if not self._thread:
-                self._thread = threading.Thread(target=self._run, daemon=True)
-                self._thread.start()
-            self.waiting += 1
-        self._calls.put(call)
+    def call(self, function):
+        if self._begins.acquire(blocking=False):  # once
+            threading.Thread(target=self._run, daemon=True).start()
+        with contextlib.suppress(queue.Full):
+            self.put_nowait(function)
 
     def _run(self):
         while True:
-            calls = [self._calls.get()]
+            function = self.get()
             time.sleep(self._pause)
-            while not self._calls.empty():
-                calls.append(self._calls.get())
-            for call in calls:
+            while function:
                 with self.at_work:
-                    call()
-                with self._lock:
-                    self.waiting -= 1
+                    function()
+                self.task_done()
+                function = None if self.empty() else self.get()
 
 
 _terminal, _others = _Caller(0), _Caller(LATER)
@@ -164,7 +148,7 @@ def _write_at_once(handler, write, record):
     if _ROSPY in record.pathname:  # its warnings quote what a peer has sent
         record = _with_text(record, printable(record.getMessage()))
     stream = handler._stdout if record.levelno < logging.WARNING else handler._stderr
-    if not _terminal.waiting and len(record.getMessage()) < AT_ONCE and _takes_a_line(stream):
+    if not _terminal.unfinished_tasks and len(record.getMessage()) < AT_ONCE and _takes_a_line(stream):
         write(record)
     else:
         _write_later(_terminal, write, record)
@@ -172,7 +156,7 @@ def _write_at_once(handler, write, record):
 
 def _write_later(caller, write, record):
     record = _with_text(record, record.getMessage())  # its arguments may change before the thread gets at them
-    caller.put(functools.partial(write, record))
+    caller.call(functools.partial(write, record))
 
 
 def _with_text(record, text):

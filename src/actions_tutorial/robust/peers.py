@@ -20,44 +20,8 @@ ANSWERS_WITHIN = 2  # s that a peer may take before others are served as well
 _rospy_run = tcpros_base.TCPServer.run
 
 
-class _ListeningSocket(socket.socket):
-    __slots__ = ()  # so that rospy's socket can become one
-
-    def accept(self):
-        """Without it, rospy's thread that accepts connections ends for good when the node's files have run out."""
-        while True:
-            try:
-                return super().accept()
-            except OSError:
-                if self.fileno() < 0:
-                    raise
-            time.sleep(0.1)
-
-
-def _run(server):
-    """In place of rospy's TCPServer.run, which forgets a shutdown that came before it: then it ends in a traceback."""
-    try:
-        _rospy_run(server)
-    except OSError:
-        if server.server_sock.fileno() >= 0:
-            raise
-
-
-def _end_when_closed(server):
-    """In place of a hook of socketserver's that does nothing. Without it, rospy's thread for calls asks its closed
-    socket for the next one as fast as it can, from the node's end to the program's (ros/ros_comm #2238)."""
-    if server.socket.fileno() < 0:
-        raise OSError("closed")
-
-
-def serve_all_peers():
-    """Mends rospy's connections, once for the process. Call it after rospy.init_node."""
-    _read_side_by_side()
-    _connect_once()
-
-
 def end_quietly():
-    """Have rospy's threads for calls and peers end with the node. Call it before rospy.init_node."""
+    """Have rospy's threads for calls and peers end with the node, and not before. Call it before rospy.init_node."""
     need("rospy", rosgraph.xmlrpc, "ThreadingXMLRPCServer")
     rosgraph.xmlrpc.ThreadingXMLRPCServer.service_actions = _end_when_closed
     tcpros_base.TCPServer.run = _run
@@ -74,6 +38,34 @@ def check_port(name, port):
             raise cannot_start("%s is %r: %s" % (name, port, error)) from error
 
 
+def serve_all_peers():
+    """Mends rospy's connections, once for the process. Call it after rospy.init_node."""
+    _read_side_by_side()
+    need("rospy", registration, "get_registration_listeners")
+    for listener in registration.get_registration_listeners().listeners:
+        need("rospy", listener, "handler", "publisher_update", "updates", "cond")
+        need("rospy", listener.handler, "_connect_topic")
+        if not isinstance(listener.handler._connect_topic, _OneAtATime):
+            listener.handler._connect_topic = _OneAtATime(listener.handler._connect_topic)
+            listener.publisher_update = functools.partial(_update, listener, listener.publisher_update)
+
+
+def _end_when_closed(server):
+    """In place of a hook of socketserver's that does nothing. Without it, rospy's thread for calls asks its closed
+    socket for the next one as fast as it can, from the node's end to the program's (ros/ros_comm #2238)."""
+    if server.socket.fileno() < 0:
+        raise OSError("closed")
+
+
+def _run(server):
+    """In place of rospy's TCPServer.run, which ends in a traceback when the node's files have run out, and when the
+    node has ended before it began."""
+    while server.server_sock.fileno() >= 0:
+        with contextlib.suppress(OSError):
+            return _rospy_run(server)
+        time.sleep(0.1)
+
+
 def _read_side_by_side():
     """Give each connection a thread. Without it, rospy reads the first bytes of one before it accepts the next: one
     silent peer locks all others out (rospy/impl/tcpros_base.py, TCPServer.run)."""
@@ -84,9 +76,9 @@ def _read_side_by_side():
     need("rospy", tcpros, "tcp_ros_server", "topic_connection_handler")
     server, connect, turn = tcpros.tcp_ros_server, tcpros.topic_connection_handler, threading.Lock()
     need("rospy", server, "server_sock", "inbound_handler")
-    if isinstance(server.server_sock, _ListeningSocket):
+    if getattr(connect, "func", None) is _in_turn:
         return
-    handle, listening, came = server.inbound_handler, server.server_sock, threading.Event()
+    handle, came = server.inbound_handler, threading.Event()
 
     def wait_and_handle(connection, address):
         connection.settimeout(SPEAKS_WITHIN)
@@ -99,12 +91,6 @@ def _read_side_by_side():
             handle(connection, address)
         else:
             connection.close()
-
-    def connect_in_turn(*peer):
-        """Without it, a peer's first messages are lost now and then: rospy tells it that it is connected and then
-        writes that down (rospy/impl/tcpros_pubsub.py, topic_connection_handler), which takes long side by side."""
-        with _turn(turn):
-            return connect(*peer)
 
     def handle_side_by_side(*peer):
         came.set()
@@ -119,26 +105,16 @@ def _read_side_by_side():
         waiting = select.poll()
         with contextlib.suppress(ValueError):  # closed, because the node ends
             while not came.is_set():
-                waiting.register(listening, select.POLLIN)
+                waiting.register(server.server_sock, select.POLLIN)
                 # With a time-out: the number may be another file's by now, whose end nobody hears while this waits.
                 if waiting.poll(ACCEPTS_WITHIN * 1000) and not came.wait(ACCEPTS_WITHIN):
                     server.run()
 
-    server.inbound_handler, tcpros.topic_connection_handler = handle_side_by_side, connect_in_turn
-    # Not one of our own for the same port: with the time-out of 60 s that rospy makes the default when it connects,
-    # neither would block any more, and rospy's thread, about to accept, would end with a BlockingIOError.
-    listening.__class__ = _ListeningSocket
+    server.inbound_handler = handle_side_by_side
+    # Without it, a peer's first messages are lost now and then: rospy tells it that it is connected and then writes
+    # that down (rospy/impl/tcpros_pubsub.py, topic_connection_handler), which takes long side by side.
+    tcpros.topic_connection_handler = functools.partial(_in_turn, turn, connect)
     threading.Thread(target=stand_in, daemon=True).start()
-
-
-def _connect_once():
-    need("rospy", registration, "get_registration_listeners")
-    for listener in registration.get_registration_listeners().listeners:
-        need("rospy", listener, "handler", "publisher_update", "updates", "cond")
-        need("rospy", listener.handler, "_connect_topic")
-        if not isinstance(listener.handler._connect_topic, _OneAtATime):
-            listener.handler._connect_topic = _OneAtATime(listener.handler._connect_topic)
-            listener.publisher_update = functools.partial(_update, listener, listener.publisher_update)
 
 
 def _update(listener, update, topic, uris):
@@ -163,16 +139,15 @@ class _OneAtATime:
     def __call__(self, topic, uri):
         with self._mutex:
             lock = self._locks.setdefault((topic, uri), threading.Lock())
-        with _turn(lock):
-            return self._connect(topic, uri)
+        return _in_turn(lock, self._connect, topic, uri)
 
 
-@contextlib.contextmanager
-def _turn(lock):
-    """With the lock, or after a while without: whoever has it hangs, at a peer that is gone."""
+def _in_turn(lock, function, *args):
+    """Returns function(*args), called with the lock, or after a while without: whoever has it hangs, at a peer that is
+    gone."""
     mine = lock.acquire(timeout=ANSWERS_WITHIN)
     try:
-        yield
+        return function(*args)
     finally:
         if mine:
             lock.release()
