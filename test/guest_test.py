@@ -1,7 +1,6 @@
 #!/usr/bin/python3
 """robust in programs that it does not know: what works on rospy works there, and the process stays the program's."""
 import contextlib
-import fcntl
 import glob
 import os
 import pty
@@ -10,7 +9,6 @@ import select
 import signal
 import socket
 import struct
-import termios
 import time
 import unittest
 

@@ -254,8 +254,10 @@ class Units(unittest.TestCase):
             log._soon.append(lambda: "first")
             log._others.call(lambda: eventually(lambda: said, "the first") and said.append("second"))
             rospy.core.signal_shutdown = one._signal_shutdown  # as begin() does
-            one._finish()
-            self.assertIs(rospy.signal_shutdown, rospy.core.signal_shutdown, "who would end the node once more")
+            with mock.patch.object(rospy, "signal_shutdown") as down:
+                one._signal_shutdown("atexit")
+            down.assert_called_once_with("atexit")
+            self.assertIs(down, rospy.core.signal_shutdown, "who would end the node once more")
         self.assertEqual(["first", "second"], said)
 
     def test_line_on_a_goal_that_another_thread_has_just_taken_is_no_error(self):
