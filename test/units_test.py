@@ -27,6 +27,7 @@ import rosunit
 from actionlib.msg import TestActionGoal, TestActionResult
 from actionlib_msgs.msg import GoalStatus
 from rosgraph.network import encode_ros_handshake_header
+from rosgraph.roslogging import RosStreamHandler
 from rospy.impl import registration, tcpros_base
 
 from actions_tutorial import robust
@@ -247,6 +248,22 @@ class Units(unittest.TestCase):
         words[:] = ["now"]
         caller.call.call_args[0][0]()
         self.assertEqual([*map(str, range(1000)), "later", "['then']"], said)
+
+    def test_line_on_a_goal_is_shown_at_once_as_the_library_would_and_logged_later(self):
+        said, (ours, theirs) = self.logged(), (io.StringIO(), io.StringIO())
+        terminal = RosStreamHandler(stdout=ours)
+        with mock.patch.object(log, "_taken", [terminal]):
+            log.soon(lambda: "a bowl")
+            for _ in range(2):
+                log.show()
+            self.assertEqual([], said)
+            log.catch_up()
+            with mock.patch.dict("os.environ", ROSCONSOLE_FORMAT="mine"):
+                log.soon(lambda: "a plate")
+                log.show()
+        RosStreamHandler(stdout=theirs).emit(record("a bowl"))
+        self.assertEqual(*(re.sub(r"\d+", "0", stream.getvalue()) for stream in (ours, theirs)))
+        self.assertEqual(["a plate"], said)
 
     def test_flush_waits_for_the_lines_so_far_and_the_end_of_a_node_flushes(self):
         said = self.logged()

@@ -53,12 +53,24 @@ def soon(line):
 
 def catch_up():
     """Write the lines that were logged with soon()."""
-    lines = []
-    with contextlib.suppress(IndexError):  # all at once: each line of log does so first, these as well
-        while True:
-            lines.append(_soon.popleft())
-    for line in lines:
+    for line in _taken_off():  # all at once: each line of log does so first, these as well
         rospy.loginfo("%s", line())
+
+
+def show():
+    """Write the lines of soon() to the terminal, now, in the form that rospy's handler has by default. /rosout and the
+    file get them at the next catch_up(). Without it, a first feedback waits 0.3 ms for rospy's own way to a line."""
+    terminal = next((one for one in _taken if isinstance(one, RosStreamHandler)), None)
+    if not _soon or not terminal or "ROSCONSOLE_FORMAT" in os.environ or not rospy.rostime.is_wallclock() or \
+            not logging.getLogger("rosout").isEnabledFor(max(logging.INFO, terminal.level)) or \
+            _terminal.unfinished_tasks or not _takes_a_line(terminal._stdout):
+        return catch_up()
+    for line in _taken_off():
+        text = line()
+        if not isinstance(text, _Shown) and len(text) < AT_ONCE:
+            text = _Shown(text)
+            _write(terminal, terminal._stdout.write, "[INFO] [%f]: %s\n" % (time.time(), text))
+        _soon.append(lambda text=text: text)
 
 
 def hold_nobody_up(handlers):
@@ -140,11 +152,26 @@ class _Caller(queue.Queue):
                 function = None if self.empty() else self.get()
 
 
+class _Shown(str):
+    """A line that stands on the terminal."""
+
+
+def _taken_off():
+    """Returns the lines of soon(), which are the caller's from now on."""
+    lines = []
+    with contextlib.suppress(IndexError):
+        while True:
+            lines.append(_soon.popleft())
+    return lines
+
+
 _terminal, _others = _Caller(0), _Caller(LATER)
 
 
 def _write_at_once(handler, write, record):
     catch_up()
+    if record.args and isinstance(record.args[0], _Shown):
+        return
     if _ROSPY in record.pathname:  # its warnings quote what a peer has sent
         record = _with_text(record, printable(record.getMessage()))
     stream = handler._stdout if record.levelno < logging.WARNING else handler._stderr

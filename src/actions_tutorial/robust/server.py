@@ -130,7 +130,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def publish_feedback(self, feedback: genpy.Message) -> None:
         """Send feedback for the goal; after the server's end, nothing."""
-        log.catch_up()  # on a terminal that both share, "goal accepted" stands above the client's first line
+        log.show()  # on a terminal that both share, "goal accepted" stands above the client's first line
         with self.action_server.lock:
             if self.action_server.started:
                 super().publish_feedback(feedback)
