@@ -22,16 +22,16 @@ class RawClient:
     """Stands for the clients of wash_dishes_as in a namespace (str); topics: those that the other end has.
 
     feedback, results: goal id -> its messages; states: goal id -> [status numbers in the order seen]; status: the last
-    GoalStatusArray; times: (goal id, "sent", status number, bowl or "result") -> time.monotonic() of the first one.
+    GoalStatusArray; times: (goal id, "sent", status number, bowl or "result") -> time.monotonic() of the first one;
+    active_at_once: the most goals that one status message showed as ACTIVE or PREEMPTING.
     """
 
     _numbers = itertools.count()
 
     def __init__(self, namespace="", topics=("goal", "cancel", "feedback", "result", "status")):
-        self.namespace, self.topics, self.news = namespace, set(topics), threading.Condition()
-        self.action = namespace + "/wash_dishes_as/"
-        self.status = GoalStatusArray()
-        self.forget()
+        self.namespace, self.action, self.news = namespace, namespace + "/wash_dishes_as/", threading.Condition()
+        self.feedback, self.results, self.states, self.times = {}, {}, {}, {}
+        self.status, self.active_at_once = GoalStatusArray(), 0
         self.publishers = {
             topic: rospy.Publisher(self.action + topic, kind, queue_size=1000)
             for topic, kind in (("goal", WashTheDishesActionGoal), ("cancel", GoalID)) if topic in topics}
@@ -40,12 +40,6 @@ class RawClient:
             for topic, kind, callback in (("feedback", WashTheDishesActionFeedback, self.on_feedback),
                                           ("result", WashTheDishesActionResult, self.on_result),
                                           ("status", GoalStatusArray, self.on_status)) if topic in topics}
-
-    def forget(self):
-        """Begin with nothing, as a new one."""
-        with self.news:
-            self.feedback, self.results, self.states, self.times = {}, {}, {}, {}
-            self.active_at_once = 0  # the most goals that one status message showed as ACTIVE or PREEMPTING
 
     def close(self):
         for end in [*self.publishers.values(), *self._subscribers.values()]:
@@ -59,13 +53,11 @@ class RawClient:
             return False
         try:
             master = rosgraph.Master(me)
-            servers = dict(master.getSystemState()[0]).get(self.action + "result", [])
-            uris = [master.lookupNode(server) for server in servers]
-            connections = [xmlrpc.client.ServerProxy(uri).getBusInfo(me)[2] for uri in uris]
-        except (rosgraph.MasterError, OSError):
+            server, = dict(master.getSystemState()[0])[self.action + "result"]
+            connections = xmlrpc.client.ServerProxy(master.lookupNode(server)).getBusInfo(me)[2]
+        except (KeyError, ValueError, rosgraph.MasterError, OSError):  # none, several, or one that has just ended
             return False
-        return len(servers) == 1 and {
-            topic for _, to, way, _, topic, *_ in connections[0] if (to, way) == (me, "o")} >= {
+        return {topic for _, to, way, _, topic, *_ in connections if (to, way) == (me, "o")} >= {
             self.action + topic for topic in self._subscribers}
 
     def wait_connected(self, *processes):
@@ -100,8 +92,8 @@ class RawClient:
         """Wait for the ending of a goal, of the first one that ends unless given. -> WashTheDishesActionResult"""
         if goal_id is None:
             goal_id = self.wait(lambda: list(self.results), "a result")[0]
-        self.wait(lambda: self.results.get(goal_id), "a result of %.60s" % goal_id)
-        self.wait(lambda: self.ended(goal_id), "an ending of %.60s in the status" % goal_id)
+        self.wait(lambda: self.results.get(goal_id) and self.ended(goal_id),
+                  "a result of %.60s, and its ending in the status" % goal_id)
         assert len(self.results[goal_id]) == 1, "expected one result of %.60s, came: %s" % (goal_id, self)
         return self.results[goal_id][0]
 
@@ -113,8 +105,8 @@ class RawClient:
         """Expect one result, with that state (int) and those bowls ([str]), and feedback that names the same."""
         result = self.wait_result(goal_id)
         assert (result.status.status, result.result.dishes_washed) == (state, washed), \
-            "expected %s to end %s with %s, came: %s" % (goal_id, NAMES[state], washed, self)
-        self.wait(lambda: self.bowls_of(goal_id) == washed, "feedback of %s for %s" % (washed, goal_id))
+            "expected %.60s to end %s with %s, came: %s" % (goal_id, NAMES[state], washed, self)
+        self.wait(lambda: self.bowls_of(goal_id) == washed, "feedback of %s for %.60s" % (washed, goal_id))
         return result
 
     def bowls_of(self, goal_id):
@@ -140,11 +132,11 @@ class RawClient:
             self.status = message
             for status in message.status_list:
                 seen = self.states.setdefault(status.goal_id.id, [])
-                if not seen or seen[-1] != status.status:
+                if status.status not in seen[-1:]:
                     self.times.setdefault((status.goal_id.id, status.status), now)
                     seen.append(status.status)
-            self.active_at_once = max(self.active_at_once, sum(
-                status.status in (ACTIVE, PREEMPTING) for status in message.status_list))
+            active = [status for status in message.status_list if status.status in (ACTIVE, PREEMPTING)]
+            self.active_at_once = max(self.active_at_once, len(active))
             self.news.notify_all()
 
     def __str__(self):

@@ -1,11 +1,10 @@
 """The bases of the tests: a scene, which is a server and its clients in a namespace, and the cases that play in it."""
-import threading
 import unittest
-from concurrent.futures import Future
+from concurrent.futures import ThreadPoolExecutor
 
 import rospy
 
-from raw_client import PENDING, ACTIVE, PREEMPTING, SUCCEEDED, RawClient
+from raw_client import SUCCEEDED, RawClient
 from processes import Group, bowls, printed_bowls
 from simulated_clock import SimulatedClock
 
@@ -45,7 +44,7 @@ class Scene(RawClient, Group):
 
 
 class ServerCase(unittest.TestCase):
-    """Each test finds a server with nothing to do, one second after whatever was before, on a clock in its hand."""
+    """Each test finds a new server, on a clock in its hand."""
 
     script = "action_server.py"
 
@@ -53,22 +52,13 @@ class ServerCase(unittest.TestCase):
     def setUpClass(cls):
         rospy.init_node("server_case", disable_signals=True)
         cls.clock = SimulatedClock()
-        cls.start_server()
-
-    @classmethod
-    def start_server(cls):
-        cls.scene = Scene("")
-        cls.addClassCleanup(cls.scene.stop)
-        cls.server = cls.scene.server(cls.script)
-        cls.clock.lead(cls.scene)
 
     def setUp(self):
         self.clock.stop()
-        if any(states[-1] in (PENDING, ACTIVE, PREEMPTING) for states in self.scene.states.values()):
-            self.scene.stop()  # left by a test that failed, say, which is no reason for this one to fail, too
-            self.start_server()
-        self.clock.turn(1, self.scene)
-        self.scene.active_at_once = 0
+        self.scene = Scene("")
+        self.addCleanup(self.scene.stop)
+        self.server = self.scene.server(self.script)
+        self.clock.lead(self.scene)
 
     def wash(self, minutes, count):
         """Send a goal, and turn the clock on second by second until it has named count bowls. Returns its id."""
@@ -103,15 +93,11 @@ def concurrently(place, at_once=2):
     The first of them starts them all. Each test is given a place of its own, place(its name) (Scene or Master), and
     shares nothing else; it has no set-up nor clean-up methods.
     """
-    slots, runs = threading.Semaphore(at_once), {}
+    pool, runs = ThreadPoolExecutor(at_once), {}
 
-    def run(test, future):
-        with slots:
-            try:
-                with place("/" + test.__name__) as here:
-                    future.set_result(test(here))
-            except BaseException as error:
-                future.set_exception(error)
+    def run(test):
+        with place("/" + test.__name__) as here:
+            test(here)
 
     def decorate(case):
         tests = {name: getattr(case(name), name) for name in vars(case) if name.startswith("test_")}
@@ -119,9 +105,7 @@ def concurrently(place, at_once=2):
         def outcome(name):
             def joined(_):
                 if not runs:
-                    runs.update((one, Future()) for one in tests)
-                    for one, test in tests.items():
-                        threading.Thread(target=run, args=[test, runs[one]], daemon=True).start()
+                    runs.update((one, pool.submit(run, test)) for one, test in tests.items())
                 runs[name].result()
             return joined
 

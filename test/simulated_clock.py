@@ -13,12 +13,12 @@ class SimulatedClock:
     now: rospy.Time.
     """
 
-    def __init__(self, begin=1000):
-        self.now, self._here, self._news = rospy.Time(begin), None, threading.Condition()
+    def __init__(self):
+        self._here, self._news = None, threading.Condition()
         self._turns, self._stopped, self._runner = threading.RLock(), threading.Event(), None
         self._publisher = rospy.Publisher("/clock", Clock, queue_size=100, latch=True)
         self._subscriber = rospy.Subscriber("/clock", Clock, self._follow)  # called after rospy's own, which came first
-        self.set(self.now)
+        self.set(rospy.Time(1000))
 
     def _follow(self, message):
         with self._news:
