@@ -17,7 +17,6 @@ import rosnode
 import rospy
 import rostest
 from actionlib.msg import TestRequestActionGoal
-from actionlib_msgs.msg import GoalStatusArray
 from rosgraph.network import encode_ros_handshake_header
 from rospy.impl.registration import get_registration_listeners
 from std_msgs.msg import Empty
@@ -31,6 +30,24 @@ from processes import PACKAGE, bound_socket, bowls, eventually, printed_bowls
 GUEST = os.path.join(PACKAGE, "test", "guest_servers.py")
 SHUTTING_DOWN = "the server is shutting down"
 STEERS = "\x1b[2J\nfake"  # clears a terminal, and begins a line
+
+
+class Watched(Scene):
+    """Keeps each status that comes: statuses ([GoalStatusArray])."""
+
+    def __init__(self, namespace):
+        self.statuses = []
+        super().__init__(namespace)
+
+    def on_status(self, message):
+        self.statuses.append(message)
+        super().on_status(message)
+
+    def shown(self, goal_id, state):
+        """Wait for a status in which the goal has that state (int). Returns the stamp of the first one."""
+        return self.wait(lambda: [
+            message.header.stamp for message in self.statuses for one in message.status_list
+            if (one.goal_id.id, one.status) == (goal_id, state)], "%s in state %d" % (goal_id, state))[0]
 
 
 def serve(scene, *arguments, **options):
@@ -47,16 +64,14 @@ def busy(probe):
     return goal_id
 
 
-def api(probe):
-    """Returns the XML-RPC (xmlrpc.client.ServerProxy) of the server's node."""
-    master = rosgraph.Master(rospy.get_name())
-    node, = dict(master.getSystemState()[0])[probe.action + "status"]
-    return xmlrpc.client.ServerProxy(master.lookupNode(node))
+def api(scene):
+    """Returns the XML-RPC (xmlrpc.client.ServerProxy) of the guest's node."""
+    return xmlrpc.client.ServerProxy(rosgraph.Master(rospy.get_name()).lookupNode(scene.namespace + "/guest"))
 
 
-def peers_port(probe):
-    """Returns the port (int) on which the server's node listens for peers."""
-    return api(probe).requestTopic(rospy.get_name(), probe.action + "status", [["TCPROS"]])[2][2]
+def peers_port(scene):
+    """Returns the port (int) on which the guest's node listens for peers."""
+    return api(scene).requestTopic(rospy.get_name(), "/rosout", [["TCPROS"]])[2][2]
 
 
 def interrupt(_, server):
@@ -71,18 +86,19 @@ def signal_shutdown(scene, _):
     rospy.Publisher(scene.namespace + "/guest/end", Empty, queue_size=1, latch=True).publish()
 
 
+KINDS = (
+    "never_looks", "just_returns", "preempt_cb_raises", "preempt_cb_blocks", "goal_cb_and_thread", "goal_cb_loops",
+    "own_names", "is_interrupted", "is_stopped", "hook_raises", "hook_blocks")
+
 # title: how a node is told to end, how many tracebacks of its own program are in order, and its servers
 SHUTDOWNS = {
     "two servers interrupted": (interrupt, 0, "never_looks", "sleeps"),
     "two servers by rosnode kill": (rosnode_kill, 0, "sleeps", "never_looks"),
     "two servers by signal_shutdown": (signal_shutdown, 0, "just_returns", "sleeps"),
     "25 servers": (interrupt, 0, *("polite%d" % i for i in range(25))),
-    "all kinds of servers in one node": (
-        interrupt, 2, "polite", "preempt_cb_blocks", "goal_cb_loops", "preempt_cb_raises", "just_returns", "sleeps",
-        "hook_raises", "never_looks", "hook_blocks", "goal_cb_and_thread"),
-    **{"a server that %s" % kind: (interrupt, "raises" in kind, kind) for kind in (
-        "never_looks", "just_returns", "preempt_cb_raises", "preempt_cb_blocks", "goal_cb_and_thread",
-        "goal_cb_loops", "hook_raises", "hook_blocks", "own_names", "is_interrupted", "is_stopped")},
+    "all kinds of servers in one node": (interrupt, 2, "polite", "sleeps", *KINDS),
+    "a server that sleeps when main has ended": (interrupt, 0, "sleeps_when_main_has_ended"),
+    **{"a server that %s" % kind: (interrupt, "raises" in kind, kind) for kind in KINDS},
 }
 
 
@@ -119,7 +135,7 @@ def shut_down(test, scene, tell, tracebacks, *kinds):
     for (probe, goal_id), endings in due.items():
         came = [(one.status.status, one.status.text) for one in probe.results[goal_id]]
         test.assertEqual(endings, came, "endings of %s by %s" % (probe.action, server))
-        if len(kinds) == 2 and "sleeps" in probe.action:
+        if "sleeps" in probe.action and len(kinds) <= 2:
             test.assertEqual(bowls(1), probe.results[goal_id][0].result.dishes_washed, "own result of %s" % server)
         if probe is not scene:
             probe.close()
@@ -148,7 +164,7 @@ def end(test, scene, kind, _, state, text, log):
     test.assertEqual(kind == "ending_twice", "To transition" in said, "one ending too many of %s" % server)
 
 
-@concurrently(Scene)
+@concurrently(Watched)
 @a_test_for_each({"shutdown of " + title: row for title, row in SHUTDOWNS.items()}, shut_down)
 @a_test_for_each({kind: (kind, *row) for kind, row in WAYS.items()}, end)
 class Endings(NodeCase):
@@ -172,52 +188,41 @@ class Endings(NodeCase):
         self.assertEqual((RECALLED, SHUTTING_DOWN), (ending.status, ending.text), server)
 
     def test_what_a_server_does_with_a_goal_that_the_shutdown_has_ended_is_of_no_account(self, scene):
-        server, stamps = serve(scene, "goes_on"), []
-        topic = rospy.Subscriber(scene.action + "status", GoalStatusArray, lambda one: stamps.append(one.header.stamp))
+        server = serve(scene, "goes_on")
         goal_id = busy(scene)
         server.signal(signal.SIGINT)
         server.wait()
-        topic.unregister()
         self.assertEqual(bowls(1), scene.bowls_of(goal_id), server)
         self.assertIn("did not stop within 1 s", server.stderr, server)
         self.assertNotIn("ERROR", server.stderr, server)
         ended = scene.wait_result(goal_id).header.stamp
-        self.assertEqual(1, sum(stamp > ended for stamp in stamps), "statuses after the end of %s" % server)
+        self.assertEqual(1, sum(one.header.stamp > ended for one in scene.statuses),
+                         "statuses after the end of %s" % server)
 
-    def test_status_shows_an_ending_without_a_heartbeat_and_a_moment_after_the_result(self, scene):
+    def test_result_comes_a_moment_after_the_feedback_and_its_status_next_without_a_heartbeat(self, scene):
         rospy.set_param(scene.namespace + "/actionlib_status_frequency", 0.1)
         for kind, head_start in ("polite", 0.004), ("goal_cb_and_thread", 0):
-            server, shown = serve(scene, kind), {}  # goal id: the stamp of the first status of its end
-            topic = rospy.Subscriber(scene.action + "status", GoalStatusArray, lambda message: [
-                shown.setdefault(one.goal_id.id, message.header.stamp)
-                for one in message.status_list if one.status == SUCCEEDED])
-            eventually(topic.get_num_connections, "a connection for the status", server)
+            server = serve(scene, kind)
             goal_id = scene.send(1)
-            scene.wait(lambda: goal_id in shown and goal_id in scene.results, "result and status")
-            topic.unregister()
-            after = (shown[goal_id] - scene.results[goal_id][0].header.stamp).to_sec()
+            result = scene.check_ending(goal_id, SUCCEEDED, bowls(1)).header.stamp
+            before = (result - scene.feedback[goal_id][0].header.stamp).to_sec()
+            self.assertGreater(before, 0.019, "s between feedback and result of %s" % server)
+            after = (scene.shown(goal_id, SUCCEEDED) - result).to_sec()
             self.assertTrue(head_start <= after < 5, "%.4f s after the result of %s" % (after, server))
             server.stop()
 
-    def test_accept_new_goal_when_none_waits_spoils_nothing(self, scene):
-        server = serve(scene, "goal_cb_accepts_twice")
-        for _ in range(3):
-            scene.serves()
-        check_quiet(server)
-        self.assertNotIn("exception", server.stderr, server)
-
-    def test_server_without_a_goal_is_not_told_to_stop(self, scene):
-        server = serve(scene, "polite")
-        server.signal(signal.SIGINT)
-        server.wait()
-        self.assertNotIn("told to stop", server.stderr, server)
-
-    def test_goal_that_a_newer_one_or_a_cancel_ends_says_so(self, scene):
-        serve(scene, "polite")
-        older, newer = busy(scene), busy(scene)
-        self.assertEqual("a newer goal came", scene.check_ending(older, PREEMPTED, bowls(1)).status.text)
-        scene.cancel(newer)
-        self.assertEqual("cancelled", scene.check_ending(newer, PREEMPTED, bowls(1)).status.text)
+    def test_server_of_whatever_making_serves_one_goal_at_a_time_and_ends_without_a_word(self, scene):
+        for kind, complaints in ("polite", 0), ("is_started_often", 0), ("is_started_inside", 0), (
+                "goal_cb_accepts_twice", 3):  # of the library's, that none waits
+            server = serve(scene, kind)
+            for _ in range(3):
+                ending = scene.wait_result(scene.send(1))
+                self.assertEqual((SUCCEEDED, bowls(1)), (ending.status.status, ending.result.dishes_washed), server)
+            for line in "goal accepted: number_of_minutes 1", "goal SUCCEEDED: all done":
+                server.expect(": %s: %s$" % (scene.action[:-1], line))
+            server.signal(signal.SIGINT)
+            self.assertEqual(0, server.wait(), server)
+            self.assertRegex(server.stderr, r"^(.*a new goal is not available.*\n){%d}$" % complaints, server)
 
     def test_cancel_wakes_a_sleep_though_the_callback_for_it_raises(self, scene):
         serve(scene, "preempt_cb_raises_and_sleeps")
@@ -225,28 +230,13 @@ class Endings(NodeCase):
         scene.cancel(goal_id)
         scene.check_ending(goal_id, PREEMPTED, bowls(1))
 
-    def test_server_that_is_started_in_whatever_way_serves_one_goal_at_a_time(self, scene):
-        for kind in "is_started_often", "is_started_inside":
-            server = serve(scene, kind)
-            for _ in range(3):
-                self.assertEqual(SUCCEEDED, scene.wait_result(scene.send(1)).status.status, server)
-            server.signal(signal.SIGINT)
-            self.assertEqual((0, ""), (server.wait(), server.stderr), server)
-
     def test_newer_goal_wakes_the_thread_of_the_older_one_and_is_active_before_its_feedback(self, scene):
-        server, active = serve(scene, "goal_cb_and_nap"), {}  # goal id: the stamp of the first status that says so
-        topic = rospy.Subscriber(scene.action + "status", GoalStatusArray, lambda message: [
-            active.setdefault(one.goal_id.id, message.header.stamp)
-            for one in message.status_list if one.status == ACTIVE])
-        eventually(topic.get_num_connections, "a connection for the status", server)
-        goals = []
+        server, goals = serve(scene, "goal_cb_and_nap"), []
         while len(goals) < 5:
             goals.append(busy(scene))
             # A rate is the goal's that runs when it is made.
             eventually(lambda: server.stderr.count("sleeps") == len(goals), "a thread that sleeps", server)
-        scene.wait(lambda: set(goals) <= set(active), "each goal ACTIVE")
-        topic.unregister()
-        late = [one for one in goals if active[one] > scene.feedback[one][0].header.stamp]
+        late = [one for one in goals if scene.shown(one, ACTIVE) > scene.feedback[one][0].header.stamp]
         self.assertEqual([], late, "goals that were ACTIVE only after their feedback")
         eventually(lambda: server.stderr.count("slept to the end: False") == 4, "four who woke up", server, timeout=10)
 
@@ -292,89 +282,72 @@ class Endings(NodeCase):
         kept = sum(one.size for one in tracemalloc.take_snapshot().filter_traces([ours]).traces)
         self.assertLess(kept, 50000, "bytes that robust keeps for 1000 peers")
 
-    def ends_on_request(self, scene, request):
-        server = Guest(scene.action[:-1], polite)
-        threading.Thread(target=request, args=[server], daemon=True).start()
-        eventually(lambda: not server.execute_thread.is_alive(), "an end within 2 s", timeout=2 + SLACK)
-
-    def test_server_ends_on_del(self, scene):
-        self.ends_on_request(scene, lambda server: server.__del__())
-
-    def test_server_ends_when_it_needs_to_terminate(self, scene):
-        self.ends_on_request(scene, lambda server: setattr(server, "need_to_terminate", True))
+    def test_server_ends_on_del_and_when_it_needs_to_terminate(self, scene):
+        for request in Guest.__del__, lambda server: setattr(server, "need_to_terminate", True):
+            server = Guest(scene.action[:-1], polite)
+            threading.Thread(target=request, args=[server], daemon=True).start()
+            eventually(lambda: not server.execute_thread.is_alive(), "an end within 2 s", timeout=2 + SLACK)
 
     def is_served(self, scene):
         """A client of a server that ends its goals at once: on a busy machine the result may overtake the feedback."""
         client = scene.client(1)
         self.assertEqual((0, bowls(1)), (client.wait(), printed_bowls(client)[1]), client)
 
-    def ends_its_goal(self, scene, server, number, within):
-        """A server that serves, and when this signal comes, ends its goal itself, and then itself, within so many s."""
-        scene.serves()
-        goal_id = busy(scene)
-        server.signal(number)
-        ending = scene.wait_result(goal_id)
-        self.assertEqual((SHUTTING_DOWN, bowls(1)), (ending.status.text, ending.result.dishes_washed), server)
-        server.wait(within + SLACK)
-
-    def test_program_whose_main_thread_ends_serves_on_until_ctrl_c(self, scene):
-        self.ends_its_goal(scene, serve(scene, "sleeps", SPIN="no"), signal.SIGINT, 2)
-
     def test_node_of_rospys_with_a_stopped_terminal_serves_and_hears_sigterm(self, scene):
         read, write = os.pipe()
         server = scene.start("bash", "-c", 'head -c 65536 /dev/zero; exec "$0" sleeps', GUEST, stdout=write,
                              INIT="rospy")
         scene.wait_connected(server)
-        self.ends_its_goal(scene, server, signal.SIGTERM, 5)
+        scene.serves()
+        goal_id = busy(scene)
+        server.signal(signal.SIGTERM)
+        ending = scene.wait_result(goal_id)
+        self.assertEqual((SHUTTING_DOWN, bowls(1)), (ending.status.text, ending.result.dishes_washed), server)
+        server.wait(5 + SLACK)
         for one in read, write:
             os.close(one)
 
     def test_frequency_of_the_status_that_makes_sense_is_kept(self, scene):
         for frequency in 1, 20:
             rospy.set_param(scene.namespace + "/actionlib_status_frequency", frequency)
-            server, stamps = serve(scene, "polite"), []
-            topic = rospy.Subscriber(scene.action + "status", GoalStatusArray,
-                                     lambda message: stamps.append(message.header.stamp.to_sec()))
-            eventually(lambda: len(stamps) > 5 + frequency, "some of each status", server)
-            topic.unregister()
-            gaps = [after - before for before, after in zip(stamps[1:], stamps[2:])]
+            server = serve(scene, "polite")
+            del scene.statuses[:]
+            scene.wait(lambda: len(scene.statuses) > 5 + frequency, "some of each status")
+            stamps = [message.header.stamp.to_sec() for message in scene.statuses]
+            gaps = [after - before for before, after in zip(stamps, stamps[1:])]
             self.assertAlmostEqual(1, statistics.median(gaps) * frequency, delta=0.5)
             server.stop()
 
-    def check_names(self, scene, server, other, count):
-        """Expect so many lines that name the action and that other node (str) of a server that has served."""
-        eventually(lambda: scene.send(1) and scene.results, "a goal that is served", server, pause=0.5)
-        server.signal(signal.SIGINT)
-        server.wait()
-        said = [line for _, _, line in server.lines if scene.action[:-1] in line and scene.namespace + other in line]
-        self.assertEqual(count, len(said), "lines that name %s in %s" % (other, server))
-        check_quiet(server)
+    def test_second_server_of_an_action_names_the_node_of_the_first_and_none_that_is_gone(self, scene):
+        def serves(server):
+            scene.forget()
+            eventually(lambda: scene.send(1) and scene.results, "a goal that is served", server, pause=0.5)
 
-    def test_second_server_of_an_action_names_the_node_of_the_first(self, scene):
-        serve(scene, "polite", "__name:=first")
+        def named(server):
+            check_quiet(server)
+            return re.findall("%s.* (%s/[a-z]+)" % (scene.action[:-1], scene.namespace), server.stdout + server.stderr)
+
+        first = serve(scene, "polite", "__name:=first")
         second = scene.start(GUEST, "polite", "__name:=second")
         second.expect("%s.*%s/first" % (scene.action[:-1], scene.namespace))
-        self.check_names(scene, second, "/first", 1)
+        serves(second)
+        second.signal(signal.SIGINT)
+        second.wait()
+        self.assertEqual([scene.namespace + "/first"], named(second), second)
+        first.stop()  # killed, so the master lists it still
+        third = scene.start(GUEST, "polite", "__name:=third")
+        serves(third)
+        again = scene.start(GUEST, "polite", "__name:=third")
+        third.wait()
+        serves(again)
+        again.signal(signal.SIGINT)
+        again.wait()
+        for server in third, again:
+            self.assertEqual([], named(server), server)
 
     def test_second_server_of_an_action_in_a_node_names_that_node(self, scene):
         scene.start(GUEST, "polite", "polite").expect(r"%s/polite/wash_dishes_as\b.*(%s/guest|(same|this) node)\b" % (
             scene.namespace, scene.namespace))
-
-    def test_server_that_is_started_again_is_no_second_one(self, scene):
-        first = serve(scene, "polite")
-        again = scene.start(GUEST, "polite")
-        first.wait()
-        self.check_names(scene, again, "/guest", 0)
-
-    def test_server_after_one_that_was_killed_is_no_second_one(self, scene):
-        serve(scene, "polite", "__name:=first").stop()
-        self.check_names(scene, scene.start(GUEST, "polite", "__name:=second"), "/first", 0)
-
-    def test_log_names_the_action(self, scene):
-        server = serve(scene, "polite")
-        scene.serves()
-        for line in "goal accepted: number_of_minutes 1", "goal SUCCEEDED: all done":
-            server.expect(": %s: %s$" % (scene.action[:-1], line))
 
     def test_what_a_peer_sends_steers_no_terminal(self, scene):
         server = scene.start(GUEST, "polite", "of_texts")
@@ -385,7 +358,7 @@ class Endings(NodeCase):
         goal.goal.result_text = STEERS
         rospy.Publisher(scene.namespace + "/of_texts/wash_dishes_as/goal", TestRequestActionGoal, latch=True,
                         queue_size=1).publish(goal)
-        with socket.create_connection(("localhost", peers_port(probe))) as peer:
+        with socket.create_connection(("localhost", peers_port(scene))) as peer:
             peer.sendall(encode_ros_handshake_header(dict(
                 callerid=STEERS, topic=probe.action + "status", md5sum=STEERS, type=STEERS)))
             peer.recv(1)

@@ -2,7 +2,7 @@
 """Servers as other people write them, on robust: guest_servers.py KIND …
 
 The node guest with a server of wash_dishes_as of each KIND, a key of KINDS or WAYS (and a number); several have a
-namespace each, KIND. Environment: INIT=rospy for a node of rospy's own, SPIN=no for a main thread that ends.
+namespace each, KIND. INIT=rospy in the environment makes it a node of rospy's own.
 """
 import os
 import pathlib
@@ -62,23 +62,21 @@ class OwnNames(Guest):
 
 
 class OwnStart(robust.SimpleActionServer):
-    """Has a start() of its own, and is started more than once, as actionlib's allows. One goal at a time is served."""
+    """Means something else by start, and is started more than once, as actionlib's allows."""
+
+    start, turn = None, threading.Lock()
 
     def __init__(self, name, auto_start):
         super().__init__(name, WashTheDishesAction, self.execute_cb, auto_start)
-        self.free = threading.Lock()
         for _ in range(2):
             self.action_server.start()
 
-    def start(self):
-        self.free.release()
-
     def execute_cb(self, _):
-        if not self.free.acquire(blocking=False):
+        if self.turn.locked():
             say("two goals at a time")
-        self.set_succeeded(RESULT)
-        time.sleep(0.5)
-        self.free.release()
+        with self.turn:
+            self.set_succeeded(RESULT)
+            time.sleep(0.5)
 
 
 # --- what a server does with a goal of its own ---
@@ -127,19 +125,19 @@ def throw(error):
 
 
 def dirty(*_):
-    raise RuntimeError(DIRTY)
+    throw(RuntimeError(DIRTY))
 
 
 def lack_threads(server):
     """The next three who want a thread get none."""
     begin, failures = threading.Thread.start, iter(range(3))
 
-    def fail(thread):
-        if next(failures, None) is None:
-            return begin(thread)
-        raise RuntimeError("can't start new thread")
+    def start(thread):
+        if next(failures, None) is not None:
+            raise RuntimeError("can't start new thread")
+        begin(thread)
 
-    threading.Thread.start = fail
+    threading.Thread.start = start
     server.wash("bowl-1")
     polite(server)
 
@@ -181,6 +179,7 @@ def of_texts(name):
 KINDS = {
     "polite": lambda name: Guest(name, polite),
     "sleeps": lambda name: Guest(name, sleep),
+    "sleeps_when_main_has_ended": lambda name: Guest(name, sleep),
     "never_looks": lambda name: Guest(name, block),
     "just_returns": lambda name: Guest(name, wait_for_stop),
     "preempt_cb_raises": lambda name: Guest(name, block, preempt_cb=dirty),
@@ -236,5 +235,5 @@ if __name__ == "__main__":
     KINDS.update((kind, lambda name, work=work: Guest(name, work)) for kind, (work, *_) in WAYS.items())
     servers = [KINDS[kind.rstrip("0123456789")]((kind + "/" if kinds[1:] else "") + "wash_dishes_as") for kind in kinds]
     rospy.Subscriber("~end", Empty, lambda _: rospy.signal_shutdown("the program's own wish"))
-    if os.environ.get("SPIN") != "no":
+    if kinds != ["sleeps_when_main_has_ended"]:
         rospy.spin()
