@@ -39,7 +39,7 @@ class RawServer:
 
     def __init__(self, action, **options):
         self.action, self.goals, self.cancels, self.done, self.fed, self.active = action, [], [], [], [], []
-        self.client, self._publishers, self._heard, self._sent = client_of(action, **options), {}, set(), []
+        self.client, self.publishers, self._heard, self._sent = client_of(action, **options), {}, set(), []
         for topic in KINDS:
             self.publish(topic)
         self._subscribers = [rospy.Subscriber("%s/%s" % (action, topic), kind, callback) for topic, kind, callback in (
@@ -50,17 +50,14 @@ class RawServer:
         assert self.client.wait_for_server(PATIENCE), "expected to be found: %s" % self
 
     def publish(self, topic):
-        """From now on, or again after unpublish()."""
-        self._publishers[topic] = rospy.Publisher(
+        """From now on, or again after its unregister()."""
+        self.publishers[topic] = rospy.Publisher(
             "%s/%s" % (self.action, topic), KINDS[topic], queue_size=1000, latch=topic == "status")
-
-    def unpublish(self, topic):
-        self._publishers.pop(topic).unregister()
 
     def stop(self):
         self.client.stop_tracking_goal()
         self.client.action_client.stop()
-        for end in [*self._publishers.values(), *self._subscribers]:
+        for end in [*self.publishers.values(), *self._subscribers]:
             end.unregister()
 
     def eventually(self, condition, what, timeout=50):
@@ -82,18 +79,17 @@ class RawServer:
         return self.ids[-1]
 
     def while_sending(self, act):
-        """Have a thread call act(goal) while the client sends its next goal, which takes as long, or a second if act
-        has to wait for that."""
-        publish, manager = self.client.action_client.pub_goal.publish, self.client.action_client.manager
+        """Have a thread call act() while the client sends its next goal, which takes as long, or a second if act has to
+        wait for that."""
+        publish, thread = self.client.action_client.pub_goal.publish, threading.Thread(target=act, daemon=True)
 
         def send(goal):
-            manager.register_send_goal_fn(publish)
             publish(goal)
-            thread = threading.Thread(target=act, args=[goal], daemon=True)
-            thread.start()
-            thread.join(1)
+            if not thread.ident:  # else the same goal once more, or another
+                thread.start()
+                thread.join(1)
 
-        manager.register_send_goal_fn(send)
+        self.client.action_client.manager.register_send_goal_fn(send)
 
     def hear_done(self, state, result):
         self.done.append((state, result and result.dishes_washed))
@@ -120,7 +116,7 @@ class RawServer:
         message.header.frame_id, message.header.stamp = number, rospy.Time.now()
         self._sent.append("%s %s" % (topic, [(one.goal_id.id, NAMES[one.status]) for one in (
             message.status_list if topic == "status" else [message.status])]))
-        self._publishers[topic].publish(message)
+        self.publishers[topic].publish(message)
         if wait:
             self.eventually(lambda: number in self._heard, "message %s (%s) to be heard" % (number, topic))
 

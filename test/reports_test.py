@@ -74,7 +74,7 @@ class Reports(NodeCase):
     # --- waiting ---
 
     def test_server_that_works_in_its_goal_callback_is_waited_for_and_a_frozen_one_is_lost(self, place):
-        server, client = place.works(), client_of(place.namespace + "/works", heartbeat_timeout=1.5)
+        server, client = place.works(), client_of(place.namespace + "/works", heartbeat_timeout=2.0)
         self.assertTrue(client.wait_for_server(PATIENCE), server)
         client.send_goal(WashTheDishesGoal(3))
         self.assertTrue(client.wait_for_result(PATIENCE), server)
@@ -86,7 +86,7 @@ class Reports(NodeCase):
         self.assertEqual(LOST, client.get_state(), server)
         client.send_goal(WashTheDishesGoal(0))  # a second try has a time-out of its own
         self.assertEqual(PENDING, client.get_state(), server)
-        self.assertFalse(client.wait_for_server(0.5), server)
+        self.assertFalse(client.wait_for_server(1.2), server)
         server.signal(signal.SIGCONT)
         self.assertTrue(client.wait_for_result(PATIENCE), server)
         self.assertIsNone(client.get_failure(), server)
@@ -134,7 +134,7 @@ class Reports(NodeCase):
         raw.result(raw.send())
         self.ends(raw)
         for topic in "result", "feedback":
-            raw.unpublish(topic)
+            raw.publishers[topic].unregister()
             self.assertFalse(raw.client.wait_for_server(0.3), topic)
             self.assertRegex(str(raw.client.get_failure()), "/raw.* 0.3 s")
             raw.publish(topic)
@@ -295,10 +295,11 @@ class Reports(NodeCase):
     def test_answer_that_comes_before_send_goal_returns_is_heard(self, place):
         raw = place.meet()
 
-        def answer(goal):
-            raw.feedback(goal.goal_id.id, "bowl-0")
-            raw.status((goal.goal_id.id, ACTIVE))
-            raw.result(goal.goal_id.id)
+        def answer():
+            raw.eventually(lambda: raw.ids, "a goal")
+            raw.feedback(raw.ids[0], "bowl-0")
+            raw.status((raw.ids[0], ACTIVE))
+            raw.result(raw.ids[0])
 
         raw.while_sending(answer)
         raw.send()
@@ -311,7 +312,7 @@ class Reports(NodeCase):
         def send(minutes):
             raw.client.send_goal(WashTheDishesGoal(minutes), lambda *end: done.append((minutes, end)))
 
-        raw.while_sending(lambda _: send(2))
+        raw.while_sending(lambda: send(2))
         send(1)
         raw.eventually(lambda: len(raw.ids) == 2, "both goals")
         for goal in raw.goals:
@@ -326,7 +327,7 @@ class Reports(NodeCase):
                                    ("get_result", WashTheDishesResult(bowls(1)), None)):
             raw.result(raw.send())
             self.ends(raw)
-            raw.while_sending(lambda _: said.append(getattr(raw.client, question)()))
+            raw.while_sending(lambda: said.append(getattr(raw.client, question)()))
             goal = raw.send()
             raw.eventually(lambda: said, "an answer")
             self.assertIn(said.pop(), answers, raw)
