@@ -20,9 +20,10 @@ PATIENCE = rospy.Duration(50)
 KINDS = dict(status=GoalStatusArray, result=WashTheDishesActionResult, feedback=WashTheDishesActionFeedback)
 
 
-def client_of(action, kind=WashTheDishesAction, **options):
+def client_of(action, **options):
     """Returns a client of the library that is tried. It does not fear a slow machine, unless its options say so."""
-    return library.SimpleActionClient(action, kind, **({} if PLAIN else dict({"heartbeat_timeout": 60.0}, **options)))
+    return library.SimpleActionClient(
+        action, WashTheDishesAction, **({} if PLAIN else dict({"heartbeat_timeout": 60.0}, **options)))
 
 
 class RawServer:
@@ -30,52 +31,41 @@ class RawServer:
 
     What it sends, the client has heard when the call returns: rospy calls the subscribers of a topic in the order in
     which they were made, and ours came after the client's. With wait=False, for a callback that blocks, it may not.
-    goals: [WashTheDishesActionGoal] that came; ids: theirs, each once: a client repeats a goal that waits for its
-    answer; cancels: ids of those that came; done: [(state, bowls)], fed: [bowl], active: [True] as the client's
-    callbacks were called, in the order in which send() gave them.
+    goals: [WashTheDishesActionGoal] that came, also again: a client repeats one that waits for its answer; cancels: ids
+    of those that came; done: [(state, bowls)], fed: [bowl], active: [True] as the client's callbacks were called.
     """
+
+    _numbers = itertools.count()
 
     def __init__(self, action, **options):
         self.action, self.goals, self.cancels, self.done, self.fed, self.active = action, [], [], [], [], []
-        self.client = client_of(action, **options)
-        self._news, self._heard, self._numbers, self._sent = threading.Condition(), set(), itertools.count(), []
-        self._publishers = {}
+        self.client, self.publishers, self._heard, self._sent = client_of(action, **options), {}, set(), []
         for topic in KINDS:
             self.publish(topic)
         self._subscribers = [rospy.Subscriber("%s/%s" % (action, topic), kind, callback) for topic, kind, callback in (
-            *((topic, kind, self._hear) for topic, kind in KINDS.items()),
-            ("goal", WashTheDishesActionGoal, lambda one: self._keep(self.goals.append, one)),
-            ("cancel", GoalID, lambda one: self._keep(self.cancels.append, one.id)))]
+            *((topic, kind, lambda one: self._heard.add(one.header.frame_id)) for topic, kind in KINDS.items()),
+            ("goal", WashTheDishesActionGoal, self.goals.append),
+            ("cancel", GoalID, lambda one: self.cancels.append(one.id)))]
         self.status()
         assert self.client.wait_for_server(PATIENCE), "expected to be found: %s" % self
 
     def publish(self, topic):
-        """From now on, or again after unpublish()."""
-        self._publishers[topic] = rospy.Publisher(
+        """From now on, or again after its unregister()."""
+        self.publishers[topic] = rospy.Publisher(
             "%s/%s" % (self.action, topic), KINDS[topic], queue_size=1000, latch=topic == "status")
 
-    def unpublish(self, topic):
-        self._publishers.pop(topic).unregister()
-
-    def close(self):
+    def stop(self):
         self.client.stop_tracking_goal()
         self.client.action_client.stop()
-        for end in [*self._publishers.values(), *self._subscribers]:
+        for end in [*self.publishers.values(), *self._subscribers]:
             end.unregister()
 
-    def _keep(self, keep, what):
-        with self._news:
-            keep(what)
-            self._news.notify_all()
-
-    def _hear(self, message):
-        self._keep(self._heard.add, message.header.frame_id)
-
     def eventually(self, condition, what, timeout=50):
-        return eventually(condition, what, self, timeout=timeout, news=self._news)
+        return eventually(condition, what, self, timeout=timeout, pause=0.004)
 
     @property
     def ids(self):
+        """Those of the goals, each once."""
         return list(dict.fromkeys(goal.goal_id.id for goal in self.goals))
 
     def send(self, minutes=1, **callbacks):
@@ -83,13 +73,29 @@ class RawServer:
         Returns its id (str)."""
         already = len(self.ids)
         self.client.send_goal(WashTheDishesGoal(minutes), **dict(dict(
-            done_cb=self.hear_done, active_cb=lambda: self.active.append(True),
-            feedback_cb=lambda one: self.fed.append(one.last_dish_washed)), **callbacks))
+            done_cb=self.hear_done, active_cb=lambda: self.active.append(True), feedback_cb=self.hear_feedback),
+            **callbacks))
         self.eventually(lambda: len(self.ids) > already, "a goal that comes")
         return self.ids[-1]
 
+    def while_sending(self, act):
+        """Have a thread call act() while the client sends its next goal, which takes as long, or a second if act has to
+        wait for that."""
+        publish, thread = self.client.action_client.pub_goal.publish, threading.Thread(target=act, daemon=True)
+
+        def send(goal):
+            publish(goal)
+            if not thread.ident:  # else the same goal once more, or another
+                thread.start()
+                thread.join(1)
+
+        self.client.action_client.manager.register_send_goal_fn(send)
+
     def hear_done(self, state, result):
-        self._keep(self.done.append, (state, result and result.dishes_washed))
+        self.done.append((state, result and result.dishes_washed))
+
+    def hear_feedback(self, feedback):
+        self.fed.append(feedback.last_dish_washed)
 
     def status(self, *goals, wait=True):
         """Send a status that lists goals, each (id, state)."""
@@ -97,20 +103,20 @@ class RawServer:
             GoalStatus(goal_id=GoalID(id=goal_id), status=state) for goal_id, state in goals])
 
     def feedback(self, goal_id, bowl, wait=True):
-        self._send("feedback", wait, goal_id, GoalStatus.ACTIVE, feedback=WashTheDishesFeedback(bowl))
+        self._send("feedback", wait, status=GoalStatus(goal_id=GoalID(id=goal_id), status=GoalStatus.ACTIVE),
+                   feedback=WashTheDishesFeedback(bowl))
 
     def result(self, goal_id, state=GoalStatus.SUCCEEDED, count=1, wait=True):
         """End a goal with count bowls."""
-        self._send("result", wait, goal_id, state, result=WashTheDishesResult(bowls(count)))
+        self._send("result", wait, status=GoalStatus(goal_id=GoalID(id=goal_id), status=state),
+                   result=WashTheDishesResult(bowls(count)))
 
-    def _send(self, topic, wait, goal_id=None, state=None, **fields):
-        message, number = self._publishers[topic].data_class(**fields), str(next(self._numbers))
+    def _send(self, topic, wait, **fields):
+        message, number = KINDS[topic](**fields), str(next(self._numbers))
         message.header.frame_id, message.header.stamp = number, rospy.Time.now()
-        if goal_id is not None:
-            message.status.goal_id.id, message.status.status = goal_id, state
         self._sent.append("%s %s" % (topic, [(one.goal_id.id, NAMES[one.status]) for one in (
             message.status_list if topic == "status" else [message.status])]))
-        self._publishers[topic].publish(message)
+        self.publishers[topic].publish(message)
         if wait:
             self.eventually(lambda: number in self._heard, "message %s (%s) to be heard" % (number, topic))
 

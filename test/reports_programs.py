@@ -3,94 +3,58 @@
 
 A node with the program's name; NAME is that of a function here. What it prints is its finding.
 """
-import contextlib
 import faulthandler
 import gc
 import os
-import socket
 import sys
 import threading
 import time
 import weakref
 import xmlrpc.client
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from unittest import mock
 
 import actionlib
 import rospy
-from actionlib.msg import TestAction, TestGoal
-from actionlib_msgs.msg import GoalStatus, GoalStatusArray
+from actionlib_msgs.msg import GoalStatus
 
-from actions_tutorial.msg import WashTheDishesAction
+from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
 from processes import eventually
+from raw_client import NAMES
 from raw_server import PATIENCE, RawServer, client_of, library
 from simulated_clock import SimulatedClock
 
 
-@contextlib.contextmanager
-def forward(address, delay):
-    """Gives a port whose connections are forwarded to address; each piece gets there delay (s) late."""
-    def pump(source, sink):
-        with contextlib.suppress(OSError):
-            for piece in iter(lambda: source.recv(65536), b""):
-                time.sleep(delay)
-                sink.sendall(piece)
-            sink.shutdown(socket.SHUT_WR)
+def serve(name, before=0, after=0):
+    """A server that works before (s) it ends a goal, or until it is asked to stop one of a minute, and after (s) it."""
+    def execute(goal):
+        time.sleep(before)
+        while goal.number_of_minutes and not server.is_preempt_requested():
+            time.sleep(0.01)
+        (server.set_preempted if goal.number_of_minutes else server.set_succeeded)()
+        time.sleep(after)
 
-    def accept():
-        with contextlib.suppress(OSError):
-            while True:
-                ends = listener.accept()[0], socket.create_connection(address)
-                for pair in ends, ends[::-1]:
-                    threading.Thread(target=pump, args=pair, daemon=True).start()
-
-    with socket.create_server(("localhost", 0)) as listener:
-        threading.Thread(target=accept, daemon=True).start()
-        yield listener.getsockname()[1]
-
-
-endings = []  # the names of the states in which the goals of send() have ended
-
-
-def serve(name, execute):
-    server = library.SimpleActionServer(name, TestAction, execute, False)
+    server = library.SimpleActionServer(name, WashTheDishesAction, execute, False)
     server.start()
     return server
 
 
-def serve_at_once(name):
-    server = serve(name, lambda goal: server.set_succeeded())
-    return server
-
-
 def meet(name):
-    client = client_of(name, TestAction)
+    client = client_of(name)
     client.wait_for_server()
     return client
 
 
-def send(client, goal=0):
-    client.send_goal(TestGoal(goal), lambda state, _: endings.append(GoalStatus.to_string(state)))
+def client(name):
+    print(NAMES[meet(name).send_goal_and_wait(WashTheDishesGoal())])
 
 
-def ended(count=1):
-    eventually(lambda: len(endings) >= count, "more endings than %s" % endings, timeout=15)
-
-
-def server(name):
-    """It runs until it is stopped."""
-    serve_at_once(name)
+def moment():
+    """A server in a moment of simulated time. It runs until it is stopped, as the next one does."""
+    SimulatedClock()
+    serve("work")
     print("ready", flush=True)
     rospy.spin()
-
-
-def clock_and_server(name):
-    SimulatedClock()
-    server(name)
-
-
-def client(name):
-    send(meet(name))
-    ended()
-    print(endings[-1])
 
 
 def works():
@@ -109,66 +73,58 @@ def works():
 
 
 def fails():
-    server = library.SimpleActionServer("work", TestAction, auto_start=False)
+    server = library.SimpleActionServer("work", WashTheDishesAction, auto_start=False)
     server.register_goal_callback(server.accept_new_goal)
     server.start()
     raise rospy.ROSException("failed")
 
 
-def clock_set_back(before):
+def clock_set_back(after):
     """A goal on a clock that was set back after what its argument names."""
-    def execute(goal):
-        while goal.goal and not server.is_preempt_requested():
-            time.sleep(0.01)
-        (server.set_preempted if goal.goal else server.set_succeeded)()
-
-    clock, stamps = SimulatedClock(), set()
-    server = serve("work", execute)
+    clock = SimulatedClock()
+    serve("work")
     client = meet("work")
-    send(client, goal=int(before != "ended"))
-    if before == "ended":
-        ended()
-    eventually(lambda: client.get_state() == GoalStatus.ACTIVE or endings, "a goal that runs")
-    if before == "cancelled":
+    client.send_goal(WashTheDishesGoal(int(after != "ended")))
+    eventually(lambda: client.get_state() != GoalStatus.PENDING, "a goal that runs, or has ended")
+    if after == "cancelled":
         client.cancel_goals_at_and_before_time(clock.now)
-        ended()
+    if after in ("ended", "cancelled"):
+        client.wait_for_result()
     clock.set(clock.now - rospy.Duration(300))
-    if before == "heartbeat":
-        rospy.Subscriber("work/status", GoalStatusArray, lambda message: stamps.add(message.header.stamp))
-        eventually(lambda: clock.turn(0.1) or sum(one <= clock.now for one in stamps) > 5, "a heartbeat", timeout=10)
-    send(client)
-    ended(len(endings) + 1)
-    print(endings[-1])
+    if after == "heartbeat":
+        later = clock.now + rospy.Duration(1)
+        eventually(lambda: clock.turn(0.1) or later < client.action_client.last_status_msg.header.stamp <= clock.now,
+                   "a heartbeat", timeout=10)
+    print(NAMES[client.send_goal_and_wait(WashTheDishesGoal())])
 
 
-def clock_begins(what):
-    """A wait for what its argument names, while a clock begins."""
-    waited, raw = [], RawServer("raw")
-    late, goal = client_of("late", TestAction), raw.send()
-    wait, timeout = {"server": (late.wait_for_server, 10), "result": (raw.client.wait_for_result, 10),
-                     "nothing": (late.wait_for_server, 0.5)}[what]
-    waits = threading.Thread(target=lambda: waited.append(wait(rospy.Duration(timeout))), daemon=True)
-    waits.start()
-    waits.join(10 if what == "nothing" else 0.5)  # so that it waits, or the fault were missed
-    if what != "nothing":
-        SimulatedClock()
-        waits.join(0.5)  # the fault itself: it ends now
-        serve_at_once("late")
-        raw.result(goal)
-        waits.join(10)
-    print(waited)
+def clock_begins():
+    """Three waits begin before a clock does: for nobody, for a server, for a result."""
+    def say():
+        print([one.result() if one.done() else "waits" for one in waits])
+
+    raw, late, nobody, threads = RawServer("raw"), client_of("late"), client_of("nobody"), ThreadPoolExecutor()
+    goal = raw.send()
+    waits = [threads.submit(call, rospy.Duration(timeout)) for call, timeout in (
+        (nobody.wait_for_server, 0.5), (late.wait_for_server, 10), (raw.client.wait_for_result, 10))]
+    wait(waits, 10, FIRST_COMPLETED)
+    say()
+    SimulatedClock()
+    wait(waits, 0.5)  # the fault itself: they end now
+    serve("late")
+    raw.result(goal)
+    wait(waits, 10)
+    say()
 
 
 def leave_nothing():
     here = weakref.WeakSet()
 
-    def come_and_go(number):
-        # Not at once: actionlib's client may drop what comes before send_goal returns.
-        server = serve("work_%d" % number, lambda goal: [time.sleep(0.05), server.set_succeeded()])
-        client = meet("work_%d" % number)
+    def come_and_go(name):
+        server = serve(name, before=0.05)  # actionlib's client may drop what comes before send_goal returns
+        client = meet(name)
         here.update((client, server))
-        send(client)
-        client.wait_for_result()
+        client.send_goal_and_wait(WashTheDishesGoal())
         client.action_client.stop()
         server.action_server.stop()
         server.__del__()
@@ -176,62 +132,59 @@ def leave_nothing():
     def left():
         gc.collect()
         node = xmlrpc.client.ServerProxy(rospy.get_node_uri())
-        requests = [one for one in threading.enumerate() if "process_request" in str(getattr(one, "_target", ""))]
-        return threading.active_count() - len(requests), len(node.getBusInfo("/t")[2]), len(here), len(requests)
+        return threading.active_count(), len(node.getBusInfo("/t")[2]), len(here)
 
     for number in range(3):
-        come_and_go(number)
-    lefts = [left()]
-    eventually(lambda: lefts.append(left()) or lefts[-1] == lefts[-10:][0] and len(lefts) > 10, "no change", pause=0.2)
+        come_and_go("work_%d" % number)
+    before = left()
     for number in range(20):
-        come_and_go(number)
+        come_and_go("more_%d" % number)
     try:
-        # The master keeps some threads here for its requests, now more and now less; a leak of ours would be 20.
-        eventually(lambda: all(now <= then + more for now, then, more in zip(left(), lefts[-1], (1, 1, 1, 9))),
-                   "threads, connections, objects, requests after 20 more as after 3, %s" % (lefts[-1],), timeout=10)
-    except AssertionError:
-        print(left(), *here)
+        # Requests of the master and what has just been stopped keep some for a while; a leak of ours would be 20.
+        eventually(lambda: all(now < then + 10 for now, then in zip(left(), before)),
+                   "threads, connections, objects after 20 more as after 3, %s" % (before,), timeout=10)
+    finally:
+        print(left(), *here, file=sys.stderr)
         faulthandler.dump_traceback()
-        raise
     print("nothing")
 
 
 def short_waits():
-    serve_at_once("work")
-    client, found = client_of("work", TestAction), False
-    for _ in range(10):
-        found = found or client.wait_for_server(rospy.Duration(0.01))
-        time.sleep(0.5)  # the fault itself: longer than it takes to look
-    before = threading.active_count()
-    nobodies = [client_of("nobody_%d" % number, TestAction) for number in range(5)]
-    for nobody in nobodies * 3:
-        assert not nobody.wait_for_server(rospy.Duration(0.01))
-    eventually(lambda: threading.active_count() <= before + 5, "one thread a client that waits", timeout=10)
-    for nobody in nobodies:
-        nobody.action_client.stop()
-    eventually(lambda: threading.active_count() <= before, "no thread of clients that were stopped", timeout=10)
-    print(found)
+    """Each question takes longer than the wait."""
+    def far_away(*args, **options):
+        time.sleep(0.1)
+        return request(*args, **options)
+
+    serve("work")
+    client, request = client_of("work"), xmlrpc.client.Transport.request
+    with mock.patch.object(xmlrpc.client.Transport, "request", far_away):
+        eventually(lambda: client.wait_for_server(rospy.Duration(0.01)), "the server", timeout=5, pause=0.5)
+        before = threading.active_count()
+        for nobody in [client_of("nobody_%d" % number) for number in range(5)] * 3:
+            assert not nobody.wait_for_server(rospy.Duration(0.01))
+        eventually(lambda: threading.active_count() <= before, "no thread that is left", timeout=10)
+    print("found")
 
 
 def fast():
-    serve_at_once("work")
+    serve("work")
     client = meet("work")
     for number in range(200):
-        send(client)
-        number % 2 or client.wait_for_result(PATIENCE)
-    print(client.wait_for_result(PATIENCE), endings[-1])
+        client.send_goal(WashTheDishesGoal())
+        if number % 2:
+            client.wait_for_result(PATIENCE)
+    print(NAMES[client.get_state()])
 
 
 def pauses():
     """Goals of a server whose callback goes on for a moment after it has ended its goal."""
-    server = serve("work", lambda goal: [server.set_succeeded(), time.sleep(0.01)])
+    serve("work", after=0.01)
     client, took = meet("work"), []
     for _ in range(21):
         begun = time.monotonic()
-        client.send_goal(TestGoal())
-        client.wait_for_result()
+        client.send_goal_and_wait(WashTheDishesGoal())
         took.append(time.monotonic() - begun)
-    print(sorted(took)[10] < 0.08 or took)
+    print("none" if sorted(took)[10] < 0.08 else took)
 
 
 if __name__ == "__main__":
