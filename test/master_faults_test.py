@@ -13,22 +13,40 @@ from processes import Master, check_client
 @concurrently(Master)
 class MasterFaults(unittest.TestCase):
 
-    def test_client_before_the_master_says_so_every_5_s_and_goes_on_when_it_comes(self, master):
-        master.kill()
-        client = master.node("action_client.py", "_number_of_minutes:=1")
-        for seconds in 5, 10:
-            client.expect("waiting for .*%s.* %d s" % (master.uri, seconds))
-        self.assertEqual(client.stdout, "", "expected nothing on stdout")
-        master.run()
-        master.node("action_server.py")
-        check_client(client, 0, 1)
+    def freeze(self, master):
+        master.process.signal(signal.SIGSTOP)
 
-    def test_server_timeout_ends_the_wait_for_the_master(self, master):
-        master.kill()
-        client = master.node("action_client.py", "_server_timeout:=1")
-        self.assertEqual(client.wait(), 1, client)
-        self.assertRegex(client.stderr, "master.*server_timeout", client)
-        self.assertEqual(client.stdout, "", "expected nothing on stdout")
+    def waits(self, master, fault, mend):
+        """Nodes say every 5 s that they wait for the master, and go on when it comes; the time-out is for it alone."""
+        fault()
+        server = master.node("action_server.py")
+        client = master.node("action_client.py", "_number_of_minutes:=1")
+        hasty = master.node("action_client.py", "_server_timeout:=12", "wash_dishes_as:=nobodys", "__name:=hasty")
+        for seconds in 5, 10:
+            for node in server, client, hasty:
+                node.expect("waiting for the master %s, %d s" % (master.uri, seconds))
+        self.assertLess(server.usage.num_threads(), 15, server)  # one that asks, not one each 0.2 s
+        mend()
+        server.expect("waits for goals")
+        check_client(client, 0, 1)
+        self.assertEqual((1, ""), (hasty.wait(), hasty.stdout), hasty)
+        self.assertIn("no action /nobodys within 12 s", hasty.stderr, hasty)
+        self.assertGreater(hasty.lines[-1][0], 10 + 12, hasty)
+
+    def test_nodes_before_the_master_say_so_every_5_s_and_go_on_when_it_comes(self, master):
+        self.waits(master, master.kill, master.run)
+
+    def test_frozen_master_is_said_every_5_s_and_its_return_is_noticed(self, master):
+        self.waits(master, lambda: self.freeze(master), lambda: master.process.signal(signal.SIGCONT))
+
+    def test_server_timeout_ends_the_wait_for_a_master_that_is_frozen_or_killed(self, master):
+        for fault in self.freeze, Master.kill:
+            fault(master)
+            client = master.node("action_client.py", "_server_timeout:=3")
+            self.assertEqual((1, ""), (client.wait(), client.stdout), client)
+            self.assertRegex(
+                client.stderr, r"^.*no master %s within 3 s \(~server_timeout\)\n$" % master.uri, client)
+            self.assertGreater(client.lines[-1][0], 3, client)
 
     def test_goal_goes_on_without_the_master_and_new_nodes_work_with_the_next(self, master):
         server = master.node("action_server.py")
@@ -41,40 +59,33 @@ class MasterFaults(unittest.TestCase):
         master.node("action_server.py")
         check_client(master.node("action_client.py", "_number_of_minutes:=1"), 0, 1)
 
-    def gone(self, node, begun, status):
-        self.assertEqual(node.wait(), status, node)
-        self.assertLess(time.monotonic() - begun, 2 + SLACK, "expected an end within 2 s of %s" % node)
-        check_quiet(node)
-
     def test_ctrl_c_without_a_master(self, master):
         self.interrupt(master, master.kill)
 
     def test_ctrl_c_while_the_master_is_frozen(self, master):
-        self.interrupt(master, lambda: master.process.signal(signal.SIGSTOP))
+        self.interrupt(master, lambda: self.freeze(master))
 
     def interrupt(self, master, fault):
-        """Client and server end as ever without the master."""
+        """Clients and server end as ever without the master."""
         server = master.node("action_server.py")
         first = master.node("action_client.py", "_number_of_minutes:=60")
         first.expect("bowl-1")
         second = master.node("action_client.py", "_number_of_minutes:=60", "__name:=second")
         second.expect("bowl-1")
         check_partial(first, 2)
+        waiting = master.node("action_client.py", "wash_dishes_as:=nobodys", "__name:=waiting")
+        waiting.expect("waiting for")
         fault()
         begun = time.monotonic()
-        server.signal(signal.SIGINT)
-        self.gone(second, begun, 1)
+        for node in server, waiting:
+            node.signal(signal.SIGINT)
+        for node, status in (second, 1), (server, 0), (waiting, 1):
+            self.assertEqual(status, node.wait(), node)
+            self.assertLess(time.monotonic() - begun, 2 + SLACK, "expected an end within 2 s of %s" % node)
+            check_quiet(node)
         check_partial(second, 2)
         self.assertIn("ABORTED", second.stderr, second)
-        self.gone(server, begun, 0)
-
-    def test_ctrl_c_on_a_waiting_client_while_the_master_is_frozen(self, master):
-        client = master.node("action_client.py")
-        client.expect("waiting for")
-        master.process.signal(signal.SIGSTOP)
-        begun = time.monotonic()
-        client.signal(signal.SIGINT)
-        self.gone(client, begun, 1)
+        self.assertIn("interrupted while waiting for the action", waiting.stderr, waiting)
 
 
 if __name__ == "__main__":

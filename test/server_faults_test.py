@@ -20,51 +20,38 @@ from processes import check_client, eventually
 @concurrently(Scene)
 class ServerFaults(NodeCase):
 
-    def shut_down(self, scene, interrupt):
-        """A server that is told to go ends its goal first."""
-        server = scene.server()
-        client = scene.client(60)
-        client.expect("bowl-1")
-        begun = time.monotonic()
-        interrupt(server)
-        self.assertEqual(server.wait(), 0, server)
-        self.assertLess(time.monotonic() - begun, 2 + SLACK, "expected an end within 2 s of %s" % server)
-        server.expect("goal ABORTED: the server is shutting down$")
-        check_partial(client, 2)
-        self.assertLess(time.monotonic() - begun, 2 + SLACK, "expected an end within 2 s of %s" % client)
-        self.assertRegex(client.stderr, "ABORTED.*shutting down", client)
-        check_quiet(client, server)
+    def test_ctrl_c_sigterm_and_rosnode_kill_abort_the_goal_with_its_bowls(self, scene):
+        for how in "SIGINT", "SIGTERM", "rosnode_kill":
+            server = scene.node("action_server.py", "__name:=until_" + how)
+            client = scene.client(60)
+            client.expect("bowl-1")
+            begun = time.monotonic()
+            if how == "rosnode_kill":
+                rosnode.kill_nodes([scene.namespace + "/until_rosnode_kill"])
+            else:
+                server.signal(getattr(signal, how))
+            self.assertEqual(0, server.wait(), server)
+            self.assertLess(time.monotonic() - begun, 2 + SLACK, "expected an end within 2 s of %s" % server)
+            server.expect("goal ABORTED: the server is shutting down$")
+            check_partial(client, 2)
+            self.assertLess(time.monotonic() - begun, 2 + SLACK, "expected an end within 2 s of %s" % client)
+            self.assertRegex(client.stderr, "ABORTED.*shutting down", client)
+            check_quiet(client, server)
 
-    def test_sigint_aborts_the_goal_with_its_bowls(self, scene):
-        self.shut_down(scene, lambda server: server.signal(signal.SIGINT))
-
-    def test_sigterm_aborts_the_goal_with_its_bowls(self, scene):
-        self.shut_down(scene, lambda server: server.signal(signal.SIGTERM))
-
-    def test_rosnode_kill_aborts_the_goal_with_its_bowls(self, scene):
-        self.shut_down(scene, lambda server: rosnode.kill_nodes([scene.namespace + "/action_server"]))
-
-    def silent(self, scene, number):
-        """A client ends when its server is silent for ~heartbeat_timeout."""
-        server = scene.server()
-        client = scene.client(60, "_heartbeat_timeout:=2")
-        client.expect("bowl-1")
-        begun = time.monotonic()
-        server.signal(number)
-        self.assertEqual(client.wait(), 1, client)
-        took = time.monotonic() - begun
-        self.assertLess(took, 2 + 2 + SLACK, "expected an end within ~heartbeat_timeout + 2 s of %s" % client)
-        self.assertGreater(took, 1.5, "expected patience for ~heartbeat_timeout of %s" % client)
-        said = [line for line in client.stderr.splitlines() if "silent" in line]
-        self.assertEqual(len(said), 1, "expected one line on the silence from %s" % client)
-        self.assertNotIn("The result is", client.stdout, client)
-        check_quiet(client)
-
-    def test_sigkill_ends_the_client(self, scene):
-        self.silent(scene, signal.SIGKILL)
-
-    def test_sigstop_ends_the_client(self, scene):
-        self.silent(scene, signal.SIGSTOP)
+    def test_sigkill_and_sigstop_end_the_client_when_the_server_was_silent_for_the_time_out(self, scene):
+        for number in signal.SIGKILL, signal.SIGSTOP:
+            server = scene.node("action_server.py")
+            client = scene.client(60, "_heartbeat_timeout:=2")
+            client.expect("bowl-1")
+            begun = time.monotonic()
+            server.signal(number)
+            self.assertEqual(1, client.wait(), client)
+            took = time.monotonic() - begun
+            self.assertLess(took, 2 + 2 + SLACK, "expected an end within ~heartbeat_timeout + 2 s of %s" % client)
+            self.assertGreater(took, 1.5, "expected patience for ~heartbeat_timeout of %s" % client)
+            self.assertEqual(1, client.stderr.count("silent"), "expected one line on the silence from %s" % client)
+            self.assertNotIn("The result is", client.stdout, client)
+            check_quiet(client)
 
     def test_short_sigstop_is_survived(self, scene):
         server = scene.server()
@@ -75,26 +62,21 @@ class ServerFaults(NodeCase):
         server.signal(signal.SIGCONT)
         check_client(client, 0, 4)
 
-    def replaced(self, scene, number, words):
-        """A server that is killed (by signal number) or robbed of its name (0), and another in its place."""
-        first = scene.server()
-        client = scene.client(60, "_heartbeat_timeout:=60")
-        client.expect("bowl-1")
-        if number:
-            first.signal(number)
-            first.wait()
-        scene.node("action_server.py")
-        first.wait()
-        self.assertEqual(client.wait(), 1, client)
-        self.assertRegex(client.stderr, words, client)
-        check_quiet(client, first)
-        check_client(scene.client(1, "__name:=next"), 0, 1)
-
-    def test_server_killed_and_started_again(self, scene):
-        self.replaced(scene, signal.SIGKILL, "LOST")
-
-    def test_second_server_with_the_same_name(self, scene):
-        self.replaced(scene, 0, "ABORTED|LOST|silent")
+    def test_server_that_is_killed_or_robbed_of_its_name_has_a_successor_that_serves(self, scene):
+        server = scene.node("action_server.py")
+        for number, words in (signal.SIGKILL, "goal LOST"), (None, "ABORTED|LOST|silent"):
+            client = scene.client(60, "_heartbeat_timeout:=60")
+            client.expect("bowl-1")
+            before = server
+            if number:
+                server.signal(number)
+                server.wait()
+            server = scene.node("action_server.py")
+            before.wait()
+            self.assertEqual(1, client.wait(), client)
+            self.assertRegex(client.stderr, words, client)
+            check_quiet(client, before)
+            check_client(scene.client(1), 0, 1)
 
     def test_client_that_the_master_names_many_times_is_connected_to_once(self, scene):
         client, name = scene.client(1), scene.namespace + "/action_client"

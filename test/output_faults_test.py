@@ -1,0 +1,105 @@
+#!/usr/bin/python3
+"""A stdout, stderr or log that takes no more: the server serves on, and a client that nobody reads cancels its goal."""
+import os
+import pty
+import signal
+import subprocess
+import tempfile
+import termios
+import time
+
+import rostest
+
+from raw_client import ABORTED, PREEMPTED
+from scenes import SLACK, NodeCase, Scene, check_quiet, concurrently
+from processes import PACKAGE, bowls, check_client
+
+
+@concurrently(Scene)
+class OutputFaults(NodeCase):
+
+    def serves_on(self, scene, around, words=""):
+        """A server in a shell command ("$@" in around) serves, and says one line at most on stderr. If that is due to
+        have these words (str), a client in such a command does its work, too, and says them as well."""
+        def start(name, *arguments):
+            return scene.start("bash", "-c", around, "bash", os.path.join(PACKAGE, "scripts", name), *arguments,
+                               ROS_LOG_DIR=logs)
+
+        with tempfile.TemporaryDirectory() as logs:
+            server = start("action_server.py")
+            scene.wait_connected(server)
+            for _ in range(3):
+                scene.serves()
+            check_quiet(server)
+            self.assertLessEqual(server.stderr.count("\n"), 1, "lines on stderr of %s" % server)
+            if words:
+                client = start("action_client.py", "_number_of_minutes:=2", "_heartbeat_timeout:=20")
+                check_client(client, 0, 2)
+                check_quiet(client)
+                for node in client, server:
+                    self.assertEqual(1, node.stderr.count(words), "lines with '%s' of %s" % (words, node))
+
+    def test_stdout_or_stderr_that_is_full_or_closed_or_that_nobody_reads_any_more(self, scene):
+        for number, redirection in enumerate(("> /dev/full", ">&-", "2>&-", "| head -n 1")):
+            with Scene("%s_%d" % (scene.namespace, number)) as own:
+                self.serves_on(own, '"$@" ' + redirection)
+
+    def test_log_file_on_a_full_device(self, scene):
+        self.serves_on(scene, 'ln -sf /dev/full "$ROS_LOG_DIR/full"; "$@" __log:="$ROS_LOG_DIR/full"', "cannot log to")
+
+    def test_log_on_a_full_disk(self, scene):
+        # In a mount namespace of each node's own, so that it goes with the node.
+        inside = "unshare --mount " + "--map-root-user " * (os.geteuid() != 0)
+        if subprocess.call(inside + "mount -t tmpfs tmpfs /mnt", shell=True, stderr=subprocess.DEVNULL):
+            self.skipTest("needs the right to mount a small tmpfs: root, or user namespaces")
+        full = 'mount -t tmpfs -o size=64k tmpfs "$ROS_LOG_DIR" && cat /dev/zero > "$ROS_LOG_DIR/zero" 2> /dev/null'
+        self.serves_on(scene, inside + "sh -c '" + full + '; exec "$@"\' sh "$@"', "cannot log to")
+
+    def test_ros_home_that_cannot_be_written(self, scene):
+        nowhere = 'ROS_HOME=/dev/null ROS_LOG_DIR=/dev/null/log "$@"'  # not even by root
+        self.serves_on(scene, nowhere, "cannot create log directory")
+
+    def test_stdout_that_is_stopped_holds_up_no_goal_and_not_the_end(self, scene):
+        reader, terminal = pty.openpty()
+        termios.tcflow(terminal, termios.TCOOFF)  # as Ctrl-S does
+        server = scene.server(stdout=terminal)
+        scene.serves()
+        goal_id = scene.send(60)
+        scene.wait_bowls(goal_id, 1)
+        begun = time.monotonic()
+        server.signal(signal.SIGINT)
+        self.assertEqual(0, server.wait(), server)
+        self.assertLess(time.monotonic() - begun, 2 + SLACK, "s until the end of %s" % server)
+        self.assertEqual(ABORTED, scene.wait_result(goal_id).status.status)
+        check_quiet(server)
+        for end in reader, terminal:
+            os.close(end)
+
+    def test_client_whose_stdout_is_full_or_closed_cancels_its_goal_however_large(self, scene):
+        scene.server()
+        for redirection, seen in ("> /dev/full", 0), ("| head -n 3", 3):
+            scene.forget()
+            shell = scene.start("bash", "-c", "rosrun actions_tutorial action_client.py _number_of_minutes:=2147483647 "
+                                "%s; echo ${PIPESTATUS[0]}" % redirection)
+            shell.expect("^1$", timeout=60)
+            self.assertIn("cannot write to stdout", shell.stderr, shell)
+            check_quiet(shell)
+            washed = scene.wait_result().result.dishes_washed
+            self.assertGreaterEqual(len(washed), seen)
+            scene.check_ending(next(iter(scene.results)), PREEMPTED, bowls(len(washed)))
+        scene.serves()
+
+    def test_stdout_that_cannot_encode_is_no_wrong_parameter(self, scene):
+        printer = scene.start("/usr/bin/python3", "-c", """
+from actions_tutorial import robust
+import rospy
+robust.init_node("printer")
+print("\\u2026 there")
+rospy.loginfo("\\u2026 logged")""", PYTHONIOENCODING="ascii")
+        self.assertEqual(0, printer.wait(), printer)
+        self.assertIn("there", printer.stdout, printer)
+        self.assertIn("logged", printer.stdout, printer)
+
+
+if __name__ == "__main__":
+    rostest.rosrun("actions_tutorial", "output_faults", OutputFaults)
