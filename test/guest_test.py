@@ -1,7 +1,6 @@
 #!/usr/bin/python3
 """robust in programs that it does not know: what works on rospy works there, and the process stays the program's."""
 import contextlib
-import fcntl
 import glob
 import os
 import pty
@@ -10,7 +9,6 @@ import select
 import signal
 import socket
 import struct
-import termios
 import time
 import unittest
 
@@ -260,13 +258,6 @@ heard.set()
                           "    thread.join()\n    os._exit(0)\nos.wait()\nprint(state())\n"
                           "rospy.signal_shutdown('')"), "up")
 
-    def test_child_that_is_forked_while_a_thread_prints_a_long_line_prints_too(self, master):
-        self.says(program(master, "robust.init_node('guest')\n"
-                          "thread = threading.Thread(target=robust.stdout._turn.acquire)\n"
-                          "thread.start()\nthread.join()\n"
-                          "if not os.fork():\n    print('x' * 5000)\n    os._exit(0)\n"
-                          "os.wait()\nrospy.signal_shutdown('')"), "x" * 5000)
-
     def test_more_signals_give_a_stubborn_node_no_more_time(self, master):
         node, = self.stubborn(master, STUBBORN[0])
         eventually(lambda: node.signal(signal.SIGTERM) or not node.running(), "an end", timeout=2 + SLACK, pause=0.2)
@@ -345,36 +336,6 @@ rospy.init_node = lambda *_, **__: print("ready") or threading.Event().wait()
                        ROSCONSOLE_FORMAT="${message}", PYTHONUNBUFFERED="")
         self.assertEqual(0, node.wait(), node)
         self.assertEqual(["f", "s", "t", *"0123456789", "t"], [line[0] for line in node.stdout.splitlines()], node)
-
-    def test_signal_handler_prints_in_the_midst_of_a_print_that_waits_and_nothing_is_lost(self, master):
-        read, write = os.pipe()
-        node = program(master, """
-signal.signal(signal.SIGUSR1, lambda *_: [sys.stderr.write("heard\\n"), print("handler")])
-robust.init_node("guest")
-sys.stderr.write("ready\\n")
-print("x" * 200000)
-""", stdout=write)
-        os.close(write)
-        node.expect("ready")
-        eventually(lambda: struct.unpack("i", fcntl.ioctl(read, termios.FIONREAD, bytes(4)))[0] == 65536,
-                   "a full pipe", node)
-        node.signal(signal.SIGUSR1)
-        node.expect("heard")
-        with open(read) as pipe:
-            said = pipe.read()
-        self.assertEqual((0, 200000, 1), (node.wait(), said.count("x"), said.count("handler")), node)
-
-    def test_what_is_printed_into_a_slow_pipe_is_whole_whoever_prints_and_whatever_its_type(self, master):
-        for code, lines in (
-                ("import array\nsys.stdout.buffer.write(array.array('I', b'abcd' * 50000))\n"
-                 "sys.stdout.buffer.raw.write(b'!')\nprint()", ["abcd" * 50000 + "!"]),
-                ("os.set_blocking(1, False)\nprint('x' * 200000)", ["x" * 200000]),
-                ("def work(letter):\n    for _ in range(30):\n        print(letter * 20000)\n"
-                 "for letter in 'abcd':\n    threading.Thread(target=work, args=[letter]).start()",
-                 [letter * 20000 for letter in "abcd" for _ in range(30)])):
-            node = program(master, "robust.init_node('guest')\n" + code, PYTHONUNBUFFERED="")
-            self.assertEqual(0, node.wait(), node)
-            self.assertEqual(lines, sorted(node.stdout.splitlines()), code)
 
     def test_silent_peers_of_a_node_without_a_server_hold_up_nobody_and_are_let_go(self, master):
         """And one that speaks slowly is heard to its end."""
