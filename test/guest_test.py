@@ -90,7 +90,6 @@ class Guest(unittest.TestCase):
         self.assertLess(time.monotonic() - begun, 2 + SLACK, "s until the end of %s" % nodes[-1])
 
     def test_import_and_init_node_leave_the_process_as_it_was(self, master):
-        """But for what the last line but one names, which is the node's."""
         self.says(master, """
 import atexit, logging, os, random, signal, sys, threading
 import actionlib, rospy
@@ -145,13 +144,8 @@ so(rospy.is_shutdown, 30)
 """.format(name, code), "hook None", "motors off down", status=status, head=HEAD)
 
     def test_main_program_hears_of_ctrl_c_before_the_hooks_have_run(self, master):
-        self.says(master, """
-heard = threading.Event()
-rospy.on_shutdown(lambda: print(heard.wait(1)))
-send("INT")
-so(rospy.core.is_shutdown_requested)
-heard.set()
-""", "True")
+        self.says(master, "heard = threading.Event()\nrospy.on_shutdown(lambda: print(heard.wait(1)))\nsend('INT')\n"
+                          "so(rospy.core.is_shutdown_requested)\nheard.set()", "True")
 
     def test_main_program_in_pause_goes_on_when_the_node_is_down(self, master):
         node = ready(master, "print('ready')\nwhile not rospy.is_shutdown():\n    signal.pause()\nsys.exit(3)")
@@ -314,16 +308,16 @@ threading.Event().wait()
             node.signal(signal.SIGTERM)
             self.ends(node, status=status)
 
-    def test_exit_status_of_a_program_stays_however_long_its_end_takes(self, master):
-        for code in ("robust.shutdown.KILLED_AFTER = 0.1\nrospy.on_shutdown(lambda: time.sleep(0.5))",
-                     "atexit.register(time.sleep, 2)\nrobust.init_node('guest')\nsend('TERM')\nrospy.spin()",
-                     "robust.shutdown.KILLED_AFTER = 20\nos.kill(rosgraph.Master('').getPid(), signal.SIGSTOP)\n"
-                     "send('TERM')\nrospy.spin()"):
-            self.says(master, code + "\nsys.exit(7)", status=7, head=HEAD if "init_node" in code else INIT)
-
-    def test_node_is_up_until_the_functions_of_atexit_have_run(self, master):
-        self.says(master, "atexit.register(lambda: print(state()))\nrobust.init_node('guest')\n"
-                          "atexit.register(lambda: print(state()))", "up", "up", head=HEAD)
+    def test_functions_of_atexit_find_the_node_up_and_the_exit_status_stays_however_long_the_end_takes(self, master):
+        up = "atexit.register(lambda: print(state()))\n"
+        for code, *lines in (
+                (up + "robust.init_node('guest')\n" + up, "up", "up"),
+                ("robust.shutdown.KILLED_AFTER = 0.1\nrobust.init_node('guest')\n"
+                 "rospy.on_shutdown(lambda: time.sleep(0.5))\n",),
+                ("atexit.register(time.sleep, 2)\nrobust.init_node('guest')\nsend('TERM')\nrospy.spin()\n",),
+                ("robust.shutdown.KILLED_AFTER = 20\nrobust.init_node('guest')\n"
+                 "os.kill(rosgraph.Master('').getPid(), signal.SIGSTOP)\nsend('TERM')\nrospy.spin()\n",)):
+            self.says(master, code + "sys.exit(7)", *lines, status=7, head=HEAD)
 
     def test_program_that_goes_on_after_its_node_keeps_its_time_its_processor_and_its_exit_status(self, master):
         self.says(master, "rospy.signal_shutdown('')\nbefore = time.process_time()\ntime.sleep(3)\n"
@@ -504,10 +498,11 @@ print(sorted(buffer.getvalue().splitlines()))
     def test_each_print_is_seen_at_once_a_progress_without_an_end_of_line_too(self, master):
         rows = (("50 %\n", "print('50 %')"), ("50 %\r", "print('50 %', end='\\r')"),
                 ("50 %", "print('50 %', end='')"), ("\r50 %", "sys.stdout.write('\\r50 %')"))
-        for make in os.pipe, pty.openpty:
+        for make, unbuffered, rows in (
+                (os.pipe, "", rows), (pty.openpty, "", rows), (os.pipe, "1", [("50 %", "sys.stdout.write('50 %')")])):
             read, write = make()
             node = program(master, "for _, code in %r:\n    exec(code)\n    sys.stdin.readline()" % (rows,),
-                           stdin=subprocess.PIPE, stdout=write, PYTHONUNBUFFERED="")
+                           stdin=subprocess.PIPE, stdout=write, PYTHONUNBUFFERED=unbuffered)
             for line, _ in rows:
                 seen = ""
                 while seen.replace("\r\n", "\n") != line:
@@ -517,9 +512,6 @@ print(sorted(buffer.getvalue().splitlines()))
                 node.type("\n")
             for number in read, write:
                 os.close(number)
-
-    def test_unbuffered_stdout_shows_what_is_no_line(self, master):
-        self.says(master, "sys.stdout.write('a plate')\nos._exit(0)", "a plate")  # as by -u
 
     def test_flood_of_log_into_a_terminal_that_is_stopped_takes_no_memory(self, master):
         node = program(master, """
