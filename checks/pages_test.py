@@ -115,4 +115,5 @@ def test_pictures():
     assert len(texts) >= 3
     if subprocess.run(["sh", "-c", "node -e 'require.resolve(\"jsdom\"); require.resolve(\"mermaid\")'"]).returncode:
         pytest.skip("this needs node, and in NODE_PATH mermaid and jsdom")
-    subprocess.run(["node", "-e", PARSE], input=json.dumps(texts), universal_newlines=True, check=True)
+    parsed = subprocess.run(["node", "-e", PARSE], input=json.dumps(texts), stderr=subprocess.PIPE, text=True)
+    assert parsed.returncode == 0, parsed.stderr
