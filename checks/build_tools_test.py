@@ -32,41 +32,32 @@ def path(request, tmp_path_factory):
     return str(folder / "bin")
 
 
-@pytest.fixture(scope="module", params=TOOLS)
-def terminal(request, path, tmp_path_factory):
-    """The words before a command that uses the package, built without a warning. -> [str]"""
-    commands, space = TOOLS[request.param]
-    if not shutil.which(commands[0].split()[0]):
-        pytest.skip("this needs %s" % commands[0].split()[0])
-    folder = tmp_path_factory.mktemp("workspace")
-    shutil.copytree(ROOT, str(folder / "src" / "actions_tutorial"), ignore=shutil.ignore_patterns(".git"))
+@pytest.mark.parametrize("tool", TOOLS)
+def test_what_it_builds_without_a_warning_is_run_by_rosrun_and_roslaunch(tool, path, master, tmp_path):
+    commands, space = TOOLS[tool]
+    if not shutil.which(tool.split()[0]):
+        pytest.skip("this needs %s" % tool.split()[0])
+    folder = str(tmp_path)
+    shutil.copytree(ROOT, folder + "/src/actions_tutorial", ignore=shutil.ignore_patterns(".git"))
     for command in commands:
         more = FOREIGN if path and command == commands[0] else ""
-        build = Process([*TERMINAL, path, "", *(command + " " + more).split()], cwd=str(folder))
+        build = Process([*TERMINAL, path, "", *(command + " " + more).split()], cwd=folder)
         assert build.wait(300) == 0, str(build)
         # Not ours: line 4 of catkin's own CMakeLists.txt, which newer CMakes find too old; nor what setuptools says, in
         # forms of its own, of setup.py install, which is how catkin installs a Python module.
         said = (build.stdout + build.stderr).replace("Warning at CMakeLists.txt:4 (cmake_minimum_required)", "")
         assert not re.search("CMake (Deprecation )?Warning|WARNING|: warning:", said), str(build)
-    for other in set(os.listdir(str(folder))) - {space} if space != "devel" else ():
-        run("rm", "-rf", str(folder / other))
-    yield [*TERMINAL, path, str(folder / space / "setup.bash")]
-    shutil.rmtree(str(folder))
+    for other in set(os.listdir(folder)) - {space} if space != "devel" else ():
+        run("rm", "-rf", os.path.join(folder, other))
 
-
-def test_rosrun_of_server_and_client(terminal, master):
+    terminal = [*TERMINAL, path, os.path.join(folder, space, "setup.bash")]
+    messages = run(*terminal, "rosmsg", "list")
+    assert len(re.findall("^actions_tutorial/WashTheDishes", messages, re.M)) == 7, messages
     server = master.start(*terminal, "rosrun", "actions_tutorial", "action_server.py")
     check_client(master.start(*terminal, "rosrun", "actions_tutorial", "action_client.py", "_number_of_minutes:=1"),
                  0, 1)
     server.signal(15)
     assert server.wait() == 0, str(server)
-
-
-def test_roslaunch(terminal, master):
     check_client(master.start(*terminal, "roslaunch", "actions_tutorial", "wash_the_dishes.launch",
                               "number_of_minutes:=1"), 0, 1)
-
-
-def test_rosmsg_lists_seven_messages(terminal):
-    messages = run(*terminal, "rosmsg", "list")
-    assert len(re.findall("^actions_tutorial/WashTheDishes", messages, re.M)) == 7, messages
+    shutil.rmtree(folder)

@@ -60,12 +60,6 @@ def test_cpp_client_gets_feedback_and_result_also_of_a_goal_that_it_cancels(cpp_
         "feedback bowl-0\nfeedback bowl-1\n%s bowl-0 bowl-1\n" % ending)
 
 
-def test_rostopic_pub(served):
-    result = listen(served, "result")
-    send(served, "{goal: {number_of_minutes: 2}}")
-    check_results(result, 2)
-
-
 def test_rosbag_replays_the_goal_and_the_same_bowls_are_washed_again(served):
     bag = os.path.join(served.home, "goal.bag")
     record = served.start("rosbag", "record", "-O", bag, "/wash_dishes_as/goal", "__name:=recorder")

@@ -7,6 +7,7 @@ tries the blocks that a reader saves.
 import difflib
 import json
 import os
+import pathlib
 import re
 import subprocess
 
@@ -14,8 +15,9 @@ import pytest
 
 from conftest import ROOT
 from processes import run
-from typed_pages_test import PAGES
 
+PAGES = ["README.md"] + sorted("doc/" + name for name in os.listdir(os.path.join(ROOT, "doc")) if name.endswith(".md"))
+EDIT = re.compile("(Save this|Change) .*`~/([^`]*)`:$")  # stands above what a reader saves
 WORDS = 3000  # 15 minutes of reading
 PARSE = """
 const {JSDOM} = require('jsdom');
@@ -26,57 +28,50 @@ import(require.resolve('mermaid').replace(/[^/]*$/, 'mermaid.core.mjs')).then(as
 """
 
 
-def text_of(page):
-    with open(os.path.join(ROOT, page), encoding="utf-8") as file:
-        return file.read()
+def text_of(file):
+    return pathlib.Path(ROOT, file).read_text(encoding="utf-8")
 
 
 def blocks_of(page):
     """Yields line number, language, last non-empty line above, and text of each fenced block."""
-    for match in re.finditer(r"^```(\w+)\n(.*?)^```$", page, re.M | re.S):
-        above = page[:match.start()].rstrip().rsplit("\n", 1)[-1]
-        yield page.count("\n", 0, match.start()) + 1, match.group(1), above, match.group(2)
-
-
-def without_indent(text):
-    return re.sub("(?m)^ +", "", text)
+    text = text_of(page)
+    for match in re.finditer(r"^```(\w*)\n(.*?)^```$", text, re.M | re.S):
+        above = text[:match.start()].rstrip().rpartition("\n")[2]
+        yield text.count("\n", 0, match.start()) + 1, match.group(1), above, match.group(2)
 
 
 @pytest.mark.parametrize("page", PAGES + ["CONTRIBUTING.md"])
 def test_links(page):
     """A link within the page leads to a heading, by GitHub's rules; one to a file leads to a file."""
-    page, folder = text_of(page), os.path.join(ROOT, os.path.dirname(page))
-    text = re.sub(r"^```.*?^```$", "", page, flags=re.M | re.S)
-    anchors = set()
-    for heading in re.findall(r"^#+ (.*)$", text, re.M):
-        anchors.add(re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-"))
-    for label, target in re.findall(r"\[([^]]*)\]\(([^)\s]+)\)", text):
+    text = re.sub(r"^```.*?^```$", "", text_of(page), flags=re.M | re.S)
+    anchors = [re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
+               for heading in re.findall(r"^#+ (.*)$", text, re.M)]
+    for picture, label, target in re.findall(r"(!?)\[([^]]*)\]\(([^)\s]+)\)", text):
         if target.startswith("#"):
             assert target[1:] in anchors, "no heading for [%s](%s)" % (label, target)
         elif ":" not in target:
-            assert os.path.exists(os.path.join(folder, target.split("#")[0])), "no file for [%s](%s)" % (label, target)
-    for alternative, _ in re.findall(r"!\[([^]]*)\]\(([^)]*)\)", text):
-        assert len(alternative) > 20, "a picture without alternative text"
+            file = os.path.join(ROOT, os.path.dirname(page), target.split("#")[0])
+            assert os.path.exists(file), "no file for [%s](%s)" % (label, target)
+        assert not picture or len(label) > 20, "a picture without alternative text"
 
 
 @pytest.mark.parametrize("page", PAGES + ["CONTRIBUTING.md"])
 def test_quotes(page):
     """Quoted code is in the file that it comes from, word for word in this order; a diff is the whole difference."""
-    page, folder = text_of(page), os.path.join(ROOT, os.path.dirname(page))
     for number, language, above, text in blocks_of(page):
-        files = re.findall(r"\]\(([\w/.]+)\)", above)
-        if language in ("console", "mermaid") or re.search(r"\*\*Layout|(Save this|Change) .*`~/.*`:$", above):
+        if language in ("console", "mermaid") or "**Layout" in above or EDIT.search(above):
             continue
-        assert files, "line %d: quoted from no file" % number
+        sources = [text_of(os.path.join(os.path.dirname(page), file)) for file in re.findall(r"\]\(([\w/.]+)\)", above)]
+        assert sources, "line %d: quoted from no file" % number
         if language == "diff":
-            old, new = (open(os.path.join(folder, file), encoding="utf-8").readlines() for file in files[-2:])
-            whole = [line for line in difflib.unified_diff(old, new, n=0) if re.match("[-+](?!--|\\+\\+)", line)]
+            compared = difflib.unified_diff(*(source.splitlines(True) for source in sources[-2:]), n=0)
+            whole = [line for line in compared if re.match(r"[-+](?!--|\+\+)", line)]
             assert whole == [line for line in text.splitlines(True) if line[0] in "-+"], \
                 "line %d: the difference is\n%s" % (number, "".join(whole))
-            continue
-        whole = without_indent(open(os.path.join(folder, files[-1]), encoding="utf-8").read())
-        pattern = "^.*?^".join(map(re.escape, re.split("(?m)^…\n", without_indent(text))))
-        assert re.search("(?ms)^" + pattern, whole), "line %d: this is not in %s:\n%s" % (number, files[-1], text)
+        else:
+            source, text = (re.sub("(?m)^ +", "", code) for code in (sources[-1], text))
+            pattern = "^.*?^".join(map(re.escape, re.split("(?m)^…\n", text)))
+            assert re.search("(?ms)^" + pattern, source), "line %d: this is not in its file:\n%s" % (number, text)
 
 
 def test_length():
@@ -91,7 +86,7 @@ def test_layout():
         pytest.skip("this needs a git repository")
     tracked = run("git", "-c", "safe.directory=*", "-C", ROOT, "ls-files").splitlines()
     real = {re.sub("/.*", "/", name) for name in tracked if not name.startswith(".")}
-    text = next(text for _, _, above, text in blocks_of(text_of("CONTRIBUTING.md")) if "**Layout**" in above)
+    text = next(text for _, _, above, text in blocks_of("CONTRIBUTING.md") if "**Layout**" in above)
     assert set(" ".join(re.findall(r"^(.*?)  ", text, re.M)).split()) == real
 
 
@@ -116,11 +111,9 @@ def test_states():
 
 def test_pictures():
     """Each mermaid picture parses."""
-    texts = [text for _, language, _, text in blocks_of(text_of("README.md")) if language == "mermaid"]
+    texts = [text for _, language, _, text in blocks_of("README.md") if language == "mermaid"]
     assert len(texts) >= 3
-    found = subprocess.run(["sh", "-c", "node -e 'require.resolve(\"jsdom\"); require.resolve(\"mermaid\")'"],
-                           stderr=subprocess.DEVNULL)
-    if found.returncode:
+    if subprocess.run(["sh", "-c", "node -e 'require.resolve(\"jsdom\"); require.resolve(\"mermaid\")'"]).returncode:
         pytest.skip("this needs node, and in NODE_PATH mermaid and jsdom")
     parsed = subprocess.run(["node", "-e", PARSE], input=json.dumps(texts), stderr=subprocess.PIPE, text=True)
     assert parsed.returncode == 0, parsed.stderr

@@ -3,17 +3,53 @@ import time
 
 import pytest
 
-from processes import check_client
+from processes import Group, check_client, run
 
-pytestmark = pytest.mark.needs("root", "ip")
+pytestmark = pytest.mark.needs("root", "ip", "nsenter")
 HEARTBEAT_TIMEOUT, SERVER_TIMEOUT = 3, 6  # s
 SLACK = 4  # s: to start a process and to end it on a machine where others compute, too
 
 
+class Computer(Group):
+    """A network with an address and an /etc/hosts of its own, in namespaces that go when we go."""
+
+    def __init__(self, name, ip, folder):
+        super().__init__(ROS_MASTER_URI="http://192.0.2.1:11311", ROS_IP=ip)
+        self.name, self.ip, self.hosts, self.enter = name, ip, folder / name, []
+        self.hosts.write_text("127.0.0.1 localhost\n%s %s\n" % (ip, name))
+        holder = self.start("setpriv", "--pdeathsig", "KILL", "unshare", "--net", "--mount", "sh", "-c",
+                            'mount --bind "$0" /etc/hosts && echo there && exec sleep infinity', str(self.hosts))
+        try:
+            holder.expect("there")
+        except AssertionError:
+            pytest.skip("this needs the right to make network namespaces: %s" % holder.stderr)
+        self.pid = str(holder.usage.pid)
+        self.enter = ["nsenter", "--net", "--mount", "--target", self.pid]
+
+    def start(self, *command, **options):
+        return super().start(*self.enter, *command, **options)
+
+    def knows(self, other):
+        """Write the other's name into its /etc/hosts."""
+        with self.hosts.open("a") as hosts:
+            hosts.write("%s %s\n" % (other.ip, other.name))
+
+    def ip_link(self, *words):
+        run(*self.enter, "ip", "link", *words)
+
+
 @pytest.fixture(scope="module")
-def computers(workspace, network):
-    network[0].start("rosmaster", "--core")
-    return dict(zip(("robot", "laptop"), network))
+def computers(workspace, tmp_path_factory):
+    """Two computers joined by a cable, the first with a master. -> {name: Computer}"""
+    folder = tmp_path_factory.mktemp("network")
+    with Computer("robot", "192.0.2.1", folder) as robot, Computer("laptop", "192.0.2.2", folder) as laptop:
+        robot.ip_link("add", "eth0", "type", "veth", "peer", "name", "eth0", "netns", laptop.pid)
+        for computer in robot, laptop:
+            run(*computer.enter, "ip", "address", "add", computer.ip + "/24", "dev", "eth0")
+            computer.ip_link("set", "lo", "up")
+            computer.ip_link("set", "eth0", "up")
+        robot.start("rosmaster", "--core")
+        yield {"robot": robot, "laptop": laptop}
 
 
 @pytest.fixture
@@ -44,14 +80,14 @@ def test_a_client_is_served_and_ends_when_the_cable_is_pulled_and_the_next_one_i
     check_client(start(client, 2), 0, 2)
     lost = start(client, 60)
     lost.expect("bowl-1")
-    computers["laptop"].link("down")
+    computers["laptop"].ip_link("set", "eth0", "down")
     try:
         pulled = time.monotonic()
         assert lost.wait() == 1, str(lost)
         assert time.monotonic() < pulled + HEARTBEAT_TIMEOUT + 2 + SLACK, str(lost)
         assert "server lost" in lost.stderr, str(lost)
     finally:
-        computers["laptop"].link("up")
+        computers["laptop"].ip_link("set", "eth0", "up")
     check_client(start(client, 2), 0, 2)
 
 

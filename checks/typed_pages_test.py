@@ -7,98 +7,68 @@ anything within a line and, alone on a line, for any lines. Output that the page
 A block of another kind below "Save this … `~/FILE`:" is saved; below "Change … `~/FILE`:" it is a diff, with … between
 two places. Each page has a home and a master of its own, and begins with a bare shell in each terminal.
 """
-import codecs
+import contextlib
 import difflib
 import os
 import re
-import select
 import shutil
 import time
+import types
 
 import pexpect
 import pytest
 
 from conftest import ROOT
+from pages_test import EDIT, PAGES, blocks_of
 from processes import bound_socket
 
-PAGES = ["README.md"] + sorted(
-    os.path.join("doc", name) for name in os.listdir(os.path.join(ROOT, "doc")) if name.endswith(".md"))
 LIMIT = 300  # s to wait for what the page shows, many times what it takes; Debian 11 builds GMock, too
 PROMPT = "README> "
-# Not the page's: what Debian 11's ROS, which is older than its Python, says whenever it ends; what rospy's tools say
-# when a peer connects twice, now and then.
-NOISE = re.compile(r"(Error in atexit._run_exitfuncs:\n)?Traceback .*\n(  .*\n)+AttributeError: .* 'isAlive'\n"
-                   r"|\[WARN\] .*: Inbound TCP/IP connection failed: .*\n")
+# Colours, titles and bells; and what is not the page's: what Debian 11's ROS, which is older than its Python, says
+# whenever it ends; what rospy's tools say when a peer connects twice, now and then.
+NOISE = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]|\x1b\][^\x07]*\x07|\x07|\r(?=\n)"
+                   r"|(Error in atexit._run_exitfuncs:\n)?Traceback .*\n(  .*\n)+AttributeError: .* 'isAlive'\n"
+                   r"|\[WARN\] .*: Inbound TCP/IP connection failed: .*\n|\(actions_tutorial\) (?=%s)" % PROMPT)
 KEYS = {"TAB": "\t", "BACKSPACE": "\x7f"}
 
 
-class Step:
-    """Something to type (str, or None to look only) in a terminal (str), and the lines (number, str) shown below it."""
-
-    def __init__(self, section, terminal, number, typed):
-        self.section, self.terminal, self.number, self.typed = section, terminal, number, typed or ""
-        self.shown = []
-        self.returns = False  # whether the page types the next command into this terminal after it
-
-
-class Edit:
-    """A file (str, below the home) to write in an editor: how (str) tells whether all of it or what a diff changes."""
-
-    def __init__(self, section, how, file):
-        self.section, self.how, self.file, self.text = section, how, file, ""
-
-    def do(self, home):
-        path = os.path.join(home, self.file)
-        text = self.text
-        if self.how == "Change":
-            text = open(path, encoding="utf-8").read()
-            for place in self.text.split("…\n"):
-                old, new = ("".join(re.findall("(?m)^[ %s](.*\n)" % sign, place)) for sign in "-+")
-                if text.count(old) != 1:
-                    raise AssertionError("%s has not once:\n%s" % (self.file, old))
-                text = text.replace(old, new)
-        with open(path, "w", encoding="utf-8") as file:
-            file.write(text)
-
-
 def steps_of(page):
-    """Returns the steps (list of Step and Edit) of a page (str)."""
-    with open(os.path.join(ROOT, page), encoding="utf-8") as file:
-        lines = file.read().splitlines()
-    steps, section, fence, above = [], "", None, ""
-    for number, line in enumerate(lines, 1):
-        line = line.rstrip()
-        if line.startswith("```"):
-            fence, terminals, block = None if fence else line[3:] or "text", None, []
-            edit = fence and re.search(r"(Save this|Change) .*`~/([^`]*)`:$", above)
-            if edit:
-                steps.append(Edit(section, *edit.groups()))
-        elif not fence:
-            section = re.sub("^#+ ", "", line) if re.match("##? ", line) else section
-            above = line
-        elif edit:
-            steps[-1].text += line + "\n"
-        elif fence == "console" and re.match("# (Terminals? |By hand)", line):
-            terminals, block = re.findall(r"\b\d\b", line.split(":")[0]), []
-        elif fence == "console" and terminals is None:
-            raise AssertionError("line %d: neither `# Terminal N` nor `# By hand` begins this block" % number)
-        elif fence == "console" and terminals:
-            typed = line if re.match(r"\$ |\^C|(TAB|BACKSPACE)\b", line) else None
+    """Returns what a reader of the page (str) does: edits (how, file, text); and steps with a terminal (str), what is
+    typed there (str, "" to look only), and the lines (list of str) shown below it."""
+    steps = []
+    for first, language, above, text in blocks_of(page):
+        edit, terminals = EDIT.search(above), None
+        if edit:
+            steps.append(edit.groups() + (text,))
+        for number, line in enumerate(text.splitlines() if language == "console" else [], first + 1):
+            if re.match("# (Terminals? |By hand)", line):
+                terminals, block = re.findall(r"\b\d\b", line.split(":")[0]), []
+                continue
+            assert terminals is not None, "line %d: neither `# Terminal N` nor `# By hand` begins this block" % number
+            typed = re.match(r"\$ |\^C|(TAB|BACKSPACE)\b", line)
             if typed or not block:
-                block = [Step(section, terminal, number, typed) for terminal in terminals]
-                for step in block:
-                    for before in [s for s in steps if isinstance(s, Step) and s.terminal == step.terminal][-1:]:
-                        before.returns = step.typed.startswith("$ ")
+                block = [types.SimpleNamespace(terminal=terminal, number=number, typed=line if typed else "", shown=[])
+                         for terminal in terminals]
                 steps += block
-            if not typed or typed.startswith("^C"):
-                for step in block:
-                    step.shown.append((number, line))
+            for step in block if not typed or line.startswith("^C") else []:
+                step.shown.append(line)
     return steps
+
+
+def edit(how, path, text):
+    """Write a file (pathlib.Path) as in an editor: all of it, or what a diff changes."""
+    if how == "Change":
+        diff, text = text, path.read_text(encoding="utf-8")
+        for place in diff.split("…\n"):
+            old, new = ("".join(re.findall("(?m)^[ %s](.*\n)" % sign, place)) for sign in "-+")
+            assert text.count(old) == 1, "%s has not once:\n%s" % (path, old)
+            text = text.replace(old, new)
+    path.write_text(text, encoding="utf-8")
 
 
 def pattern_of(line):
     """Returns the regular expression (str) that a line shown stands for."""
-    return r"(?:.*\n)*?" if line == "…" else re.escape(line).replace("…", ".*?") + r"[ \t]*\n"
+    return r"(?:.*\n)*?" if line == "…" else re.escape(line.rstrip()).replace("…", ".*?") + r"[ \t]*\n"
 
 
 class Terminal:
@@ -107,97 +77,82 @@ class Terminal:
 
     def __init__(self, everyone, environment):
         # Dumb and wide: readline then shows a command on one line, whatever its length.
-        self.shell = pexpect.spawn("/bin/bash", cwd=ROOT, env=environment, dimensions=(50, 1000))
-        self.decoder = codecs.getincrementaldecoder("utf-8")(errors="replace")
-        self.tail = self.text = ""  # what came and was not looked at yet
-        self.last, self.any_more, self.all = None, False, everyone
+        self.shell = pexpect.spawn("/bin/bash", cwd=ROOT, env=environment, dimensions=(50, 1000), encoding="utf-8",
+                                   codec_errors="replace")
+        self.all, self.text, self.any_more = everyone, "", False  # text: what came and was not looked at yet
 
     def wait(self, happened, limit=LIMIT):
         """Read all terminals until happened(), at most limit s. Returns whether it has."""
         end = time.monotonic() + limit
-        while not happened():
-            terminals = {t.shell.fileno(): t for t in self.all.values() if not t.shell.closed}
-            ready = select.select(list(terminals), [], [], max(0.0, end - time.monotonic()))[0]
-            if not ready:
-                return False
-            for descriptor in ready:
-                terminals[descriptor].read()
-        return True
+        while not happened() and time.monotonic() < end:
+            for terminal in self.all.values():
+                terminal.read()
+        return happened()
 
     def read(self):
-        """Take what is there, without colours and titles."""
+        """Take what is there; a prompt is on a line of its own, also after output that does not end with one."""
         try:
-            data = os.read(self.shell.fileno(), 65536)
-        except OSError:  # its shell has ended
-            data = b""
-        if not data:
+            self.text += "" if self.shell.closed else self.shell.read_nonblocking(65536, timeout=0.02)
+        except pexpect.EOF:
             self.shell.close()
-        output = self.tail + self.decoder.decode(data)
-        self.tail = re.search(r"(\x1b(\[[0-9;?]*|\][^\x07]*)?|\r)?\Z", output).group()
-        output = output[:len(output) - len(self.tail)]
-        self.text += re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]|\x1b\][^\x07]*\x07|\x07|\r(?=\n)", "", output)
-        self.text = NOISE.sub("", self.text.replace("(actions_tutorial) " + PROMPT, PROMPT))
+        except pexpect.TIMEOUT:
+            return
+        self.text = re.sub("(?<!\n)" + PROMPT, "\n" + PROMPT, NOISE.sub("", self.text))
 
-    def walk(self, step):
-        """Type what the step types and wait for what it shows. AssertionError if it does not come."""
-        if step.typed.startswith("$ "):
-            self.finish()
-            self.text = self.text[self.text.index(PROMPT) + len(PROMPT):]
-        self.last = step
+    def walk(self, step, returns):
+        """Type what the step types and wait for what it shows, and for the prompt if it returns, which means that the
+        page types the next command after it. AssertionError if it does not come."""
         typed = re.sub(r"^\$ ", "", step.typed)
         completes = typed.endswith(" TAB")
+        if typed != step.typed:
+            self.finish(step)
         if typed.startswith("^C"):
             self.shell.send("\x03")
         elif typed:
             keys = re.sub(r"(?<!\S)(TAB|BACKSPACE)(?: |$)", lambda match: KEYS[match.group(1)], typed)
             self.shell.send(keys + ("" if completes else "\n"))
-        if typed and not completes and not typed.startswith("^C"):
-            if not self.wait(lambda: "\n" in self.text):
-                raise AssertionError("line %d: no echo of what was typed" % step.number)
-            self.text = self.text[self.text.index("\n") + 1:]
+            if not completes:
+                assert self.wait(lambda: "\n" in self.text), "line %d: no echo of what was typed" % step.number
+                self.text = self.text.partition("\n")[2]
 
-        lines = [line for _, line in step.shown]
-        before, self.any_more = self.any_more, lines[-1:] == ["…"]
-        lines = ["…"] * before + lines[:len(lines) - self.any_more]
+        before, self.any_more = self.any_more, step.shown[-1:] == ["…"]
+        lines = ["…"] * before + step.shown[:len(step.shown) - self.any_more]
         pattern = "".join(map(pattern_of, lines))
-        if step.returns and not self.any_more:
+        if returns and not self.any_more:
             pattern += r"(?=\s*%s)" % PROMPT
-        # A prompt may follow without a new line; readline shows the new lines of a command as ^J.
-        self.wait(lambda: PROMPT in self.text or re.match(pattern, self.came(completes)))
-        match = re.match(pattern, self.came(completes))
+
+        def came():  # readline shows the new lines of a command as ^J
+            return self.text.replace("^J", "\n") + "\n" if completes else self.text
+
+        self.wait(lambda: PROMPT in self.text or re.match(pattern, came()))
+        match = re.match(pattern, came())
         if not match:
-            self.differs(step, self.came(completes))
-        self.text = self.came(completes)[match.end():]
+            self.differs(step, step.shown, came())
+        self.text = came()[match.end():]
 
-    def came(self, completes=False):
-        if completes:
-            return self.text.replace("^J", "\n") + "\n"
-        return re.sub("(?<!\n)" + PROMPT, "\n" + PROMPT, self.text)
-
-    def finish(self):
-        """Wait for the end of the last command, and that no more came than the page shows."""
+    def finish(self, step):
+        """Wait for the end of the command before the step, and that no more came than the page shows."""
         if not self.wait(lambda: PROMPT in self.text):
-            raise AssertionError("line %d: %s has not ended" % (self.last.number, self.last.typed))
-        rest = self.text[:self.text.index(PROMPT)]
+            self.differs(step, ["the end of the command before it"], self.text)
+        rest, _, self.text = self.text.partition(PROMPT)
         if rest.strip() and not self.any_more:
-            self.differs(None, rest)
+            self.differs(step, [], rest)
         self.any_more = False
 
-    def differs(self, step, came):
-        """AssertionError with the lines shown and those that came, and the number of the first that differs."""
-        came = came.split(PROMPT)[0].rstrip().splitlines()
-        shown = [line for _, line in step.shown] if step else []
+    def differs(self, step, shown, came):
+        """AssertionError with the lines shown and those that came."""
         patterns = [(re.compile(pattern_of(line)), line) for line in shown if line != "…"]
-        came = [next((line for pattern, line in patterns if pattern.fullmatch(got + "\n")), got) for got in came]
-        difference = [line for line in difflib.ndiff(shown, came) if line[0] in "-+ " and line != "- …"]
-        numbers = [number for number, line in step.shown if "- " + line in difference] if step else []
+        came = [next((line for pattern, line in patterns if pattern.fullmatch(got + "\n")), got)
+                for got in came.split(PROMPT)[0].rstrip().splitlines()]
+        difference = [line for line in difflib.ndiff(shown, came) if line[0] != "?" and line != "- …"]
         raise AssertionError("line %d, in terminal %s (- is on the page, + came within %d s):\n  %s" % (
-            numbers[0] if numbers else self.last.number, self.last.terminal, LIMIT, "\n  ".join(difference)))
+            step.number, step.terminal, LIMIT, "\n  ".join(difference)))
 
     def close(self):
         """End what runs here."""
         for keys in ("\x03", "exit\n", "exit\n"):
             if not self.shell.closed:
+                self.text = ""
                 self.shell.send(keys)
                 self.wait(lambda: self.shell.closed or PROMPT in self.text, 20)
         self.shell.close()
@@ -221,58 +176,20 @@ def make_home(home, port):
     return environment
 
 
-class Walk:
-    """A page (str) with a home and terminals of its own, typed as far as it was asked for."""
-
-    def __init__(self, page, home):
-        self.steps, self.home, self.terminals, self.failed = steps_of(page), home, {}, None
-        self.bound = bound_socket()
-        self.environment = make_home(home, self.bound.getsockname()[1])
-
-    def to_the_end_of(self, section):
-        last = max(number for number, step in enumerate(self.steps) if step.section == section)
-        todo, self.steps = self.steps[:last + 1], self.steps[last + 1:]
-        for step in todo:
-            if isinstance(step, Edit):
-                step.do(self.home)
-            else:
-                if step.terminal not in self.terminals:
-                    self.terminals[step.terminal] = Terminal(self.terminals, self.environment)
-                self.terminals[step.terminal].walk(step)
-
-    def close(self):
-        for terminal in reversed(list(self.terminals.values())):
-            terminal.close()
-        self.bound.close()
-        shutil.rmtree(self.home)
-
-
-@pytest.fixture(scope="module")
-def walk_of(tmp_path_factory):
-    """The walk of a page (str), the same until another page's begins. -> Walk"""
-    walks = {}
-
-    def walk_of(page):
-        if page not in walks:
-            close()
-            walks[page] = Walk(page, str(tmp_path_factory.mktemp("home")))
-        return walks[page]
-
-    def close():
-        while walks:
-            walks.popitem()[1].close()
-
-    yield walk_of
-    close()
-
-
-@pytest.mark.parametrize("page, section", [
-    pytest.param(page, section, id="%s: %s" % (page, section)) for page in PAGES
-    for section in dict.fromkeys(step.section for step in steps_of(page))])
-def test_what_comes_is_what_the_page_shows(walk_of, page, section):
-    walk = walk_of(page)
-    if walk.failed:
-        pytest.skip("this needs %s to be as shown" % walk.failed)
-    walk.failed = section
-    walk.to_the_end_of(section)
-    walk.failed = None
+@pytest.mark.parametrize("page", PAGES)
+def test_what_comes_is_what_the_page_shows(page, tmp_path):
+    terminals, steps = {}, steps_of(page)
+    with contextlib.ExitStack() as stack:
+        stack.callback(shutil.rmtree, str(tmp_path))
+        bound = stack.enter_context(bound_socket())
+        environment = make_home(str(tmp_path), bound.getsockname()[1])
+        for number, step in enumerate(steps, 1):
+            if isinstance(step, tuple):
+                how, file, text = step
+                edit(how, tmp_path / file, text)
+                continue
+            if step.terminal not in terminals:
+                terminals[step.terminal] = Terminal(terminals, environment)
+                stack.callback(terminals[step.terminal].close)
+            later = (other.typed for other in steps[number:] if getattr(other, "terminal", None) == step.terminal)
+            terminals[step.terminal].walk(step, next(later, "").startswith("$ "))
