@@ -213,7 +213,7 @@ def speak():
 
 def speak_in_vain():
     os.dup2(os.open("/dev/full", os.O_WRONLY), 1)
-    thread = threading.Thread(target=print)
+    thread = threading.Thread(target=outcome, args=[print])
     thread.start()
     thread.join()
 
@@ -313,7 +313,7 @@ threading.Event().wait()
         for code, *lines in (
                 (up + "robust.init_node('guest')\n" + up, "up", "up"),
                 ("robust.shutdown.KILLED_AFTER = 0.1\nrobust.init_node('guest')\n"
-                 "rospy.on_shutdown(lambda: time.sleep(0.5))\n",),
+                 "rospy.on_shutdown(lambda: [time.sleep(2), print('parked')])\n", "parked"),
                 ("atexit.register(time.sleep, 2)\nrobust.init_node('guest')\nsend('TERM')\nrospy.spin()\n",),
                 ("robust.shutdown.KILLED_AFTER = 20\nrobust.init_node('guest')\n"
                  "os.kill(rosgraph.Master('').getPid(), signal.SIGSTOP)\nsend('TERM')\nrospy.spin()\n",)):

@@ -30,8 +30,8 @@ class RawClient:
 
     def __init__(self, namespace="", topics=("goal", "cancel", "feedback", "result", "status")):
         self.namespace, self.action, self.news = namespace, namespace + "/wash_dishes_as/", threading.Condition()
-        self.feedback, self.results, self.states, self.times = {}, {}, {}, {}
-        self.status, self.active_at_once = GoalStatusArray(), 0
+        self.status = GoalStatusArray()
+        self.forget()
         self.publishers = {
             topic: rospy.Publisher(self.action + topic, kind, queue_size=1000)
             for topic, kind in (("goal", WashTheDishesActionGoal), ("cancel", GoalID)) if topic in topics}
@@ -40,6 +40,12 @@ class RawClient:
             for topic, kind, callback in (("feedback", WashTheDishesActionFeedback, self.on_feedback),
                                           ("result", WashTheDishesActionResult, self.on_result),
                                           ("status", GoalStatusArray, self.on_status)) if topic in topics}
+
+    def forget(self):
+        """Begin with nothing, as a new one."""
+        with self.news:
+            self.feedback, self.results, self.states, self.times = {}, {}, {}, {}
+            self.active_at_once = 0
 
     def close(self):
         for end in [*self.publishers.values(), *self._subscribers.values()]:

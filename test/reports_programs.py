@@ -143,9 +143,10 @@ def leave_nothing():
         # Requests of the master and what has just been stopped keep some for a while; a leak of ours would be 20.
         eventually(lambda: all(now < then + 10 for now, then in zip(left(), before)),
                    "threads, connections, objects after 20 more as after 3, %s" % (before,), timeout=10)
-    finally:
-        print(left(), *here, file=sys.stderr)
+    except AssertionError:
+        print(left(), *here)
         faulthandler.dump_traceback()
+        raise
     print("nothing")
 
 

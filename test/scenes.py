@@ -91,13 +91,16 @@ def concurrently(place, at_once=2):
     """Class decorator: run a TestCase's tests side by side, as they mostly wait; each still has its own outcome.
 
     The first of them starts them all. Each test is given a place of its own, place(its name) (Scene or Master), and
-    shares nothing else; it has no set-up nor clean-up methods.
+    shares nothing else; it has no set-up nor tear-down methods.
     """
     pool, runs = ThreadPoolExecutor(at_once), {}
 
     def run(test):
         with place("/" + test.__name__) as here:
-            test(here)
+            try:
+                test(here)
+            finally:
+                test.__self__.doCleanups()
 
     def decorate(case):
         tests = {name: getattr(case(name), name) for name in vars(case) if name.startswith("test_")}

@@ -35,7 +35,7 @@ make_tests() {
     return "$status"
 }
 
-# Each section of a page counts as a test.
+# Each page counts as a test.
 type_pages() {
     local told='s/^.*_test\.py::(.* (PASSED|FAILED|ERROR|SKIPPED)).*/    \1/p; s/^E  /    /p'
     /usr/bin/python3 -m pytest "$CHECKOUT"/checks -k pages_test 2>&1 | to_the_end tee -a "$log" |
