@@ -258,12 +258,16 @@ class Units(unittest.TestCase):
                 log.show()
             self.assertEqual([], said)
             log.catch_up()
+            log.soon(lambda: "x" * 5000)  # for which a pipe may have no room
+            log.show()
+            log.catch_up()
+            eventually(lambda: said and not log._terminal.unfinished_tasks, "the long line")
             with mock.patch.dict("os.environ", ROSCONSOLE_FORMAT="mine"):
                 log.soon(lambda: "a plate")
                 log.show()
         RosStreamHandler(stdout=theirs).emit(record("a bowl"))
         self.assertEqual(*(re.sub(r"\d+", "0", stream.getvalue()) for stream in (ours, theirs)))
-        self.assertEqual(["a plate"], said)
+        self.assertEqual(["x" * 5000, "a plate"], said)
 
     def test_flush_waits_for_the_lines_so_far_and_the_end_of_a_node_flushes(self):
         said = self.logged()
@@ -291,6 +295,12 @@ class Units(unittest.TestCase):
                 self.assertEqual((ours, ["write"]), (stream.errors, list(vars(stream))))
                 stdout.give_back()
             self.assertEqual([], list(vars(stream)))
+
+    def test_full_pipe_that_does_not_block_is_the_program_s_own_affair(self):
+        close_node = mock.Mock()
+        with self.assertRaises(BlockingIOError):
+            stdout._write(mock.Mock(), mock.Mock(side_effect=BlockingIOError), close_node, "a bowl")
+        close_node.assert_not_called()
 
     def test_stdout_that_is_none_of_pythons_stays(self):
         for other in None, io.StringIO(), io.TextIOWrapper(io.BytesIO()):
