@@ -136,10 +136,10 @@ class _Caller(queue.Queue):
         self._pause, self._begins, self.at_work = pause, threading.Lock(), threading.RLock()
 
     def call(self, function):
-        if self._begins.acquire(blocking=False):  # once
-            threading.Thread(target=self._run, daemon=True).start()
-        with contextlib.suppress(queue.Full):
+        with contextlib.suppress(queue.Full, RuntimeError):  # no thread to be had
             self.put_nowait(function)
+            if self._begins.acquire(blocking=False):  # once
+                threading.Thread(target=self._run, daemon=True).start()
 
     def _run(self):
         while True:

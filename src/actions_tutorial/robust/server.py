@@ -203,7 +203,9 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def __shut_down(self, deadline):
         """End all goals until deadline (time.monotonic()), with no more than a moment's wait for any lock."""
         self.__shutting_down = True
-        shutdown.aside(self.__ask_to_stop)
+        rate.wake()
+        with contextlib.suppress(RuntimeError):  # no thread to be had; a callback could hold up this one
+            threading.Thread(target=self.__ask_to_stop, daemon=True).start()
         while self.action_server.unended() and time.monotonic() < deadline:
             time.sleep(0.01)
         if self.action_server.unended():
@@ -217,7 +219,6 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             if self.is_new_goal_available():
                 self.new_goal = False
                 self.next_goal.set_canceled(None, SHUTTING_DOWN)
-            rate.wake()
             if self.preempt_callback and self.is_active():
                 self.preempt_callback()
 
