@@ -74,12 +74,12 @@ class Reports(NodeCase):
     # --- waiting ---
 
     def test_server_that_works_in_its_goal_callback_is_waited_for_and_a_frozen_one_is_lost(self, place):
-        server, client = place.works(), client_of(place.namespace + "/works", heartbeat_timeout=2.0)
+        server, client = place.works(), client_of(place.namespace + "/works", heartbeat_timeout=4.0)
         self.assertTrue(client.wait_for_server(PATIENCE), server)
-        client.send_goal(WashTheDishesGoal(3))
+        client.send_goal(WashTheDishesGoal(5))
         self.assertTrue(client.wait_for_result(PATIENCE), server)
         self.assertEqual(SUCCEEDED, client.get_state(), server)
-        client.send_goal(WashTheDishesGoal(3))
+        client.send_goal(WashTheDishesGoal(5))
         eventually(lambda: server.stdout.count("works") == 2, "the server at work", server)
         server.signal(signal.SIGSTOP)
         self.assertFalse(client.wait_for_result(PATIENCE), server)
