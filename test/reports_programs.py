@@ -159,7 +159,7 @@ def short_waits():
     serve("work")
     client, request = client_of("work"), xmlrpc.client.Transport.request
     with mock.patch.object(xmlrpc.client.Transport, "request", far_away):
-        eventually(lambda: client.wait_for_server(rospy.Duration(0.01)), "the server", timeout=5, pause=0.5)
+        eventually(lambda: client.wait_for_server(rospy.Duration(0.01)), "the server", timeout=20, pause=0.5)
         before = threading.active_count()
         for nobody in [client_of("nobody_%d" % number) for number in range(5)] * 3:
             assert not nobody.wait_for_server(rospy.Duration(0.01))
