@@ -27,7 +27,7 @@ PROMPT = "README> "
 # Colours, titles and bells; and what is not the page's: what Debian 11's ROS, which is older than its Python, says
 # whenever it ends; what rospy's tools say when a peer connects twice, now and then.
 NOISE = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]|\x1b\][^\x07]*\x07|\x07|\r(?=\n)"
-                   r"|(Error in atexit._run_exitfuncs:\n)?Traceback .*\n(  .*\n)+AttributeError: .* 'isAlive'\n"
+                   r"|(Error in atexit._run_exitfuncs:\r?\n)?Traceback .*\n(  .*\n)+AttributeError: .* 'isAlive'\r?\n"
                    r"|\[WARN\] .*: Inbound TCP/IP connection failed: .*\n|\(actions_tutorial\) (?=%s)" % PROMPT)
 KEYS = {"TAB": "\t", "BACKSPACE": "\x7f"}
 

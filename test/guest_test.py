@@ -315,7 +315,8 @@ threading.Event().wait()
                 (up + "robust.init_node('guest')\n" + up, "up", "up"),
                 ("robust.shutdown.KILLED_AFTER = 0.1\nrobust.init_node('guest')\n"
                  "rospy.on_shutdown(lambda: [time.sleep(2), print('parked')])\n", "parked"),
-                ("atexit.register(time.sleep, 2)\nrobust.init_node('guest')\nsend('TERM')\nrospy.spin()\n",),
+                ("robust.shutdown.KILLED_AFTER = 4\natexit.register(time.sleep, 4)\nrobust.init_node('guest')\n"
+                 "send('TERM')\nrospy.spin()\n",),
                 ("robust.shutdown.KILLED_AFTER = 20\nrobust.init_node('guest')\n"
                  "os.kill(rosgraph.Master('').getPid(), signal.SIGSTOP)\nsend('TERM')\nrospy.spin()\n",)):
             self.says(master, code + "sys.exit(7)", *lines, status=7, head=HEAD)

@@ -293,6 +293,9 @@ class Units(unittest.TestCase):
                 stdout.take_over(print)
                 self.assertIs(stream, sys.stdout)
                 self.assertEqual((ours, ["write"]), (stream.errors, list(vars(stream))))
+                for text, shown in ("two\nlines", b""), ("\n", b"two\nlines\n"):  # as print does
+                    stream.write(text)
+                    self.assertEqual(shown, stream.buffer.getvalue())
                 stdout.give_back()
             self.assertEqual([], list(vars(stream)))
 
@@ -319,15 +322,32 @@ class Units(unittest.TestCase):
                                  _SimpleActionClient__heartbeat_timeout=5)
         with mock.patch.object(rospy, "get_time", side_effect=[1000, 10, 11]):
             robust.SimpleActionClient._SimpleActionClient__watch(watched)
-        self.assertEqual(1, goal.silence)
+        goal.look.assert_called_once_with(0)
 
     def test_goal_that_is_sent_in_the_moment_in_which_the_older_is_lost_is_looked_after(self):
-        older, newer = mock.Mock(silence=100.0), mock.Mock(silence=0.0)
+        older, newer = mock.Mock(silence=100.0, ignored=100.0), mock.Mock(silence=0.0)
         watched = mock.MagicMock(_SimpleActionClient__goal=mock.Mock(side_effect=[older, newer, newer, None]),
                                  _SimpleActionClient__heartbeat_timeout=5)
         with mock.patch.object(rospy, "get_time", return_value=1):
             robust.SimpleActionClient._SimpleActionClient__watch(watched)
-        newer.look.assert_called_once_with()
+        newer.look.assert_called_once_with(0)
+
+    def test_goal_that_waited_for_a_busy_server_is_not_lost_when_that_speaks_of_others_at_last(self):
+        goal, _ = self.goal_and_result(None)
+        for passed_over, silence, ignored in (False, 5, 0), (True, 10, 5), (True, 15, 10):
+            goal.passed_over, goal.mentioned = passed_over, False
+            self.assertEqual(passed_over, goal.look(5))
+            self.assertEqual((silence, ignored), (goal.silence, goal.ignored))
+        goal.mentioned = True
+        self.assertFalse(goal.look(5))
+        self.assertEqual((0, 0), (goal.silence, goal.ignored))
+        busy, lives = mock.Mock(silence=9, ignored=1), mock.Mock(return_value=True)
+        watched = mock.MagicMock(_SimpleActionClient__goal=mock.Mock(side_effect=[busy, busy, None]),
+                                 _SimpleActionClient__heartbeat_timeout=5, _SimpleActionClient__server_lives=lives)
+        busy.look.side_effect = [True, False]
+        with mock.patch.object(rospy, "get_time", return_value=1):
+            robust.SimpleActionClient._SimpleActionClient__watch(watched)
+        self.assertEqual(([], 1), (busy.lose.mock_calls, lives.call_count))
 
     def test_state_that_is_none_has_its_number_for_a_name(self):
         self.assertEqual(["LOST", "42"], list(map(internals.name_of, (GoalStatus.LOST, 42))))

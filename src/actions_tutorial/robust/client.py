@@ -282,14 +282,14 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                     return
             # A paused simulation is no silence. No more than one look's time counts: the clock may have jumped, and we
             # may have been stopped ourselves.
-            goal.silence += max(0, min(now - before, LOOKS))
-            speaks_of_others = goal.look()
+            speaks_of_others = goal.look(max(0, min(now - before, LOOKS)))
             real = time.monotonic()
             if goal.state == CommState.WAITING_FOR_GOAL_ACK and real - goal.sent_at >= REPEATED_AFTER and (
                     speaks_of_others or real - goal.begun_at < REPEATED_FOR):
                 goal.send_again()
             if goal.silence > self.__heartbeat_timeout and (
-                    speaks_of_others or goal.silence > LIVING * self.__heartbeat_timeout or not self.__server_lives()):
+                    goal.ignored > self.__heartbeat_timeout or goal.silence > LIVING * self.__heartbeat_timeout or
+                    not speaks_of_others and not self.__server_lives()):
                 self.action_client.last_status_msg = None  # who waits for a server now waits for one that speaks
                 with self.action_client.manager.list_mutex:
                     if self.__goal() is not goal:
@@ -332,19 +332,23 @@ class _Goal(CommStateMachine):
         self.why = ""  # the server has given it no ending
         self.is_known = False  # the server has mentioned it
         self.mentioned, self.passed_over = True, False  # in a status since the last look
-        self.silence = 0.0  # s
+        self.silence = self.ignored = 0.0  # s; of the latter the server spoke, but not of this goal
         self.begun_at = self.sent_at = time.monotonic()
         sent = io.BytesIO()
         self.action_goal.serialize(sent)
         self.sent = sent.getvalue()  # the message itself may be used again
 
-    def look(self) -> bool:
-        """Returns whether the server has spoken since the last look, but not of this goal."""
+    def look(self, seconds: float) -> bool:
+        """Returns whether the server has spoken since the last look, so many seconds ago, but not of this goal."""
         mentioned, passed_over = self.mentioned, self.passed_over
         self.mentioned = self.passed_over = False
         if mentioned:
-            self.silence = 0.0
-        return passed_over and not mentioned
+            self.silence = self.ignored = 0.0
+            return False
+        self.silence += seconds
+        # Without it, a goal that waited for a busy server is lost in the moment in which that speaks again.
+        self.ignored += seconds if passed_over else 0
+        return passed_over
 
     def send_again(self) -> None:
         """The id makes it harmless."""

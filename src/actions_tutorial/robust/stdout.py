@@ -14,8 +14,7 @@ def take_over(close_node):
     written any more, from a thread that is not the main one."""
     stream = sys.stdout
     if stream is sys.__stdout__ and getattr(stream, "name", None) == "<stdout>":
-        # Without it, whoever reads a pipe gets the lines many at once and much later.
-        stream.reconfigure(line_buffering=True, errors=stream.errors.replace("strict", "backslashreplace"))
+        stream.reconfigure(line_buffering=False, errors=stream.errors.replace("strict", "backslashreplace"))
         stream.write = functools.partial(_write, stream, stream.write, close_node)
 
 
@@ -26,10 +25,11 @@ def give_back():
 
 
 def _write(stream, write, close_node, text):
-    """Without it, each print that nobody reads is a traceback, and the node works on for nobody."""
+    """Without it, whoever reads a pipe gets the lines many at once and much later, another thread's line can get into
+    one of several lines, and when nobody reads, each print is a traceback and the node works on for nobody."""
     try:
         written = write(text)
-        if not text:  # the last that print writes with end=""
+        if not text or text.endswith("\n") or "\r" in text:  # the last that print writes, or a progress
             stream.flush()
         return written
     except BlockingIOError:  # a pipe that does not wait: plain Python's print raises this, too
