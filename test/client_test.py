@@ -79,6 +79,7 @@ class TestClient(NodeCase):
             washed, goal_id = result.result.dishes_washed, result.status.goal_id.id
             scene.check_ending(goal_id, PREEMPTED, bowls(max(2, len(washed))))
             self.assertLess(scene.times[goal_id, "result"] - begun, 1 + SLACK, "s until the end of %s" % client)
+            scene.wait(lambda: cancels, "the cancel, which the result may overtake")
             self.assertEqual([(goal_id, 0)], [(cancel.id, cancel.stamp.to_sec()) for cancel in cancels], client)
         scene.serves()
 
