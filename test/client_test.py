@@ -79,6 +79,7 @@ class TestClient(NodeCase):
             washed, goal_id = result.result.dishes_washed, result.status.goal_id.id
             scene.check_ending(goal_id, PREEMPTED, bowls(max(2, len(washed))))
             self.assertLess(scene.times[goal_id, "result"] - begun, 1 + SLACK, "s until the end of %s" % client)
+            scene.wait(lambda: cancels, "the cancel, which the result may overtake")
             self.assertEqual([(goal_id, 0)], [(cancel.id, cancel.stamp.to_sec()) for cancel in cancels], client)
         scene.serves()
 
@@ -137,12 +138,17 @@ class TestClient(NodeCase):
         # The first bowl may be missing: it cannot tell the server's connections to it from those to the first client.
         self.assertIn((named, result), [(bowls(3), bowls(3)), (bowls(3)[1:], bowls(3))], second)
 
-    def test_client_before_the_server_says_so_every_5_s_and_goes_on_when_it_comes(self, scene):
-        client = scene.client(1)
+    def test_client_before_the_server_says_so_every_5_s_and_goes_on_when_it_comes_or_ends_by_ctrl_c(self, scene):
+        client, other = scene.client(1), scene.client(1, "__name:=other")
         for seconds in 5, 10:
             client.expect("waiting for .*%s/wash_dishes_as.* %d s" % (scene.namespace, seconds))
             self.assertGreater(client.lines[-1][0], seconds - 0.5, client)
         self.assertEqual(client.stdout, "", "expected nothing on stdout")
+        other.expect("waiting for")
+        other.signal(signal.SIGINT)
+        self.assertEqual((1, ""), (other.wait(), other.stdout), other)
+        self.assertIn("interrupted while waiting for the action", other.stderr, other)
+        check_quiet(other)
         scene.server()
         check_client(client, 0, 1)
 

@@ -81,7 +81,8 @@ class OutputFaults(NodeCase):
             scene.forget()
             shell = scene.start("bash", "-c", "rosrun actions_tutorial action_client.py _number_of_minutes:=2147483647 "
                                 "%s; echo ${PIPESTATUS[0]}" % redirection)
-            shell.expect("^1$", timeout=60)
+            self.assertEqual(0, shell.wait(60), shell)
+            self.assertRegex(shell.stdout, "(?m)^1$", shell)
             self.assertIn("cannot write to stdout", shell.stderr, shell)
             check_quiet(shell)
             washed = scene.wait_result().result.dishes_washed

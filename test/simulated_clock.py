@@ -43,6 +43,7 @@ class SimulatedClock:
         """Turn the clock on until the server's status follows it; its timer may have begun after our first turns."""
         begun = self.now
         scene.wait(lambda: self.turn(0.25) or scene.status.header.stamp > begun, "a status that follows the clock")
+        self.turn(0.25, scene)  # or a goal may overtake the last of those turns, and begin too early
 
     def run(self, step, pause=0.004):
         """Let the clock go on by step (s) every pause (s of real time) or so, until stop()."""
