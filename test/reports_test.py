@@ -84,6 +84,7 @@ class Reports(NodeCase):
         server.signal(signal.SIGSTOP)
         self.assertFalse(client.wait_for_result(PATIENCE), server)
         self.assertEqual(LOST, client.get_state(), server)
+        self.assertIn("server lost: silent for", client.get_goal_status_text(), server)
         client.send_goal(WashTheDishesGoal(0))  # a second try has a time-out of its own
         self.assertEqual(PENDING, client.get_state(), server)
         self.assertFalse(client.wait_for_server(1.2), server)
