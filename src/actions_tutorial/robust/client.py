@@ -85,6 +85,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         self.__is_connected = node.asking(self.__ask_server)
         self.__registered = time.monotonic()
         self.__watcher: Optional[threading.Thread] = None
+        self.__server = ""  # the name of the last one that was silent
         self.__shutting_down = False
         # Without it, two clients of one name give the same id while simulated time stands still: the server ignores the
         # second goal, and its client waits for ever (actionlib/action_client.py, _generate_id).
@@ -303,8 +304,10 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """Without it, a server is lost whose callback for goals takes its time: that holds the lock that a status needs
         (actionlib/action_server.py, internal_goal_callback)."""
         status = self.action_client.last_status_msg
+        if status:  # none yet, for a second try after a time-out
+            self.__server = status._connection_header["callerid"]
         try:
-            return bool(status and ask_node(status._connection_header["callerid"], "getPid"))
+            return bool(self.__server and ask_node(self.__server, "getPid"))
         except NO_ANSWER:
             return False
 
