@@ -15,6 +15,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 import unittest
 import warnings
 import xmlrpc.client
@@ -275,10 +276,9 @@ class Units(unittest.TestCase):
             log._soon.append(lambda: "first")
             log._others.call(lambda: eventually(lambda: said, "the first") and said.append("second"))
             rospy.core.signal_shutdown = one._signal_shutdown  # as begin() does
-            with mock.patch.object(rospy, "signal_shutdown") as down:
-                one._signal_shutdown("atexit")
-            down.assert_called_once_with("atexit")
-            self.assertIs(down, rospy.core.signal_shutdown, "who would end the node once more")
+            one._begun = time.monotonic()
+            one._finish()
+            self.assertIs(rospy.signal_shutdown, rospy.core.signal_shutdown, "who would end the node once more")
         self.assertEqual(["first", "second"], said)
 
     def test_line_on_a_goal_that_another_thread_has_just_taken_is_no_error(self):

@@ -35,7 +35,7 @@ CLOSED_WITHIN = 1.5
 KILLED_AFTER = 1.9
 LOG_WITHIN = 0.3  # s for itself
 
-_END = 250  # beside the numbers of signals, what Closer can be told
+_END, _END_IN_TIME = 250, 251  # beside the numbers of signals, what Closer can be told
 
 unfinished: weakref.WeakSet = weakref.WeakSet()  # while there is any, a node that is killed has exit status 1, not 0
 _endings: list = []  # weakref.WeakMethod
@@ -92,10 +92,11 @@ class Closer(threading.Thread):
         self._ears.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)  # so that run() sees who speaks
         self._mouth.setblocking(False)
         self._before = {}  # signal handlers by number
-        self._fd_before = None  # the wake-up descriptor
+        self._fd_before = self._file_before = None  # the wake-up descriptor, and what it stands for
         self._begun = self._deadline = None  # time.monotonic()
         self._heard = None  # the number of a signal that the main thread went on after
         self._closed = threading.Event()
+        self._up = False
 
     def heed_signals(self):
         """In the main thread. A program that has a use of its own for SIGHUP, or runs under nohup, keeps it."""
@@ -104,6 +105,7 @@ class Closer(threading.Thread):
                 self._before[number] = signal.signal(number, self._heed)
         # Python writes the signal's number there at once, even while the main thread does not get round to _heed().
         self._fd_before = signal.set_wakeup_fd(self._mouth.fileno(), warn_on_full_buffer=False)
+        self._file_before = _file(self._fd_before)
 
     def begin(self):
         """Before rospy.init_node, so that the goals' endings do not wait for the program's hooks."""
@@ -118,6 +120,7 @@ class Closer(threading.Thread):
     def is_up(self):
         """After rospy.init_node, which adds the hooks that come before."""
         rospy.core.add_shutdown_hook(self._is_down)
+        self._up = True
         unfinished.discard(self)
 
     def give_up(self):
@@ -130,10 +133,10 @@ class Closer(threading.Thread):
         if not self.ident:  # else the thread hears of it, and ends
             self._ears.close()
 
-    def close(self):
+    def close(self, what=_END_IN_TIME):
         """End the node as a signal does."""
         with contextlib.suppress(OSError):  # it has been told often enough
-            self._mouth.send(bytes([_END]))
+            self._mouth.send(bytes([what]))
 
     def run(self):
         while True:
@@ -148,14 +151,16 @@ class Closer(threading.Thread):
                 return
             if struct.unpack("i", sender[:4])[0] != os.getpid():
                 continue  # a child that got a signal before its exec: subprocess, before Python 3.10
-            if self._fd_before not in (None, -1):
+            if self._file_before and _file(self._fd_before) == self._file_before:
                 with contextlib.suppress(OSError):  # whoever was there before hears of all signals
                     os.write(self._fd_before, bytes(number for number in told if number < _END))
-            if any(number == _END or number in self._before and signal.getsignal(number) == self._heed
-                   for number in told):
+            if _END_IN_TIME in told or any(number in self._before and signal.getsignal(number) == self._heed
+                                           for number in told):
                 # Not at python's prompt, which goes on without the node.
                 if not self._deadline and not hasattr(sys, "ps1") and not sys.flags.interactive:
                     self._deadline = time.monotonic() + KILLED_AFTER
+                aside(self._shut_down)
+            elif _END in told:
                 aside(self._shut_down)
 
     def _shut_down(self):
@@ -196,19 +201,24 @@ class Closer(threading.Thread):
         _end_all_goals()
 
     def _main_has_ended(self):
-        """Before the program's functions of atexit that are older, or they would be killed."""
         if self._deadline:
-            self._signal_shutdown("atexit")
+            self._finish()
 
     def _signal_shutdown(self, reason):
-        """In place of what rospy's own atexit function calls, which comes after the program's: their node is up yet.
-        The exit status stays what it is."""
-        rospy.signal_shutdown(reason)
+        """In place of what rospy's own atexit function calls, which comes after the program's: their node is up yet."""
         if reason == "atexit":
-            rospy.core.signal_shutdown = rospy.signal_shutdown
-            self._closed.wait(max(0, (self._begun or time.monotonic()) + CLOSED_WITHIN - time.monotonic()))
-            self._deadline = None
-            log.flush(LOG_WITHIN)
+            self._finish()
+        rospy.signal_shutdown(reason)
+
+    def _finish(self):
+        """Once; the exit status stays what it is. A program that ends by itself waits for its hooks, as with rospy."""
+        rospy.core.signal_shutdown = rospy.signal_shutdown
+        alone = self._up and not self._begun and not self._deadline
+        self.close(_END)
+        begun = self._begun or time.monotonic()
+        self._closed.wait(None if alone else max(0, begun + CLOSED_WITHIN - time.monotonic()))
+        self._deadline = None
+        log.flush(LOG_WITHIN)
 
     def _give_back(self):
         for number, before in self._before.items():
@@ -216,7 +226,7 @@ class Closer(threading.Thread):
                 signal.signal(number, signal.SIG_DFL if before is None else before)
         if self._fd_before is not None:
             signal.set_wakeup_fd(self._fd_before)
-        self._before, self._fd_before = {}, None
+        self._before, self._fd_before, self._file_before = {}, None, None
 
     def _forget(self):
         """In a child process: its signals and its end are not the node's."""
@@ -227,3 +237,12 @@ class Closer(threading.Thread):
         self._mouth.close()
         log.give_back()
         stdout.give_back()
+
+
+def _file(number):
+    """Returns what tells the file of a descriptor (int) from others, or None."""
+    try:
+        found = os.fstat(number)
+        return found.st_dev, found.st_ino
+    except OSError:
+        return None
