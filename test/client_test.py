@@ -5,7 +5,6 @@ import statistics
 import tempfile
 import time
 
-import rosnode
 import rospy
 import rostest
 from actionlib_msgs.msg import GoalID
@@ -67,10 +66,7 @@ class TestClient(NodeCase):
             client = scene.client(60, "_heartbeat_timeout:=20", "__name:=until_" + how)
             client.expect("bowl-1")
             begun = time.monotonic()
-            if how == "rosnode_kill":
-                rosnode.kill_nodes([scene.namespace + "/until_rosnode_kill"])
-            else:
-                client.signal(getattr(signal, how))
+            scene.end(client, how)
             check_partial(client, 2)
             self.assertIn("goal PREEMPTED: cancelled", client.stderr, client)
             self.assertLess(time.monotonic() - begun, 2 + SLACK, "expected an end within 2 s of %s" % client)

@@ -1,7 +1,9 @@
 """The bases of the tests: a scene, which is a server and its clients in a namespace, and the cases that play in it."""
+import signal
 import unittest
 from concurrent.futures import ThreadPoolExecutor
 
+import rosnode
 import rospy
 
 from raw_client import SUCCEEDED, RawClient
@@ -31,6 +33,13 @@ class Scene(RawClient, Group):
         return self.node("action_client.py", "_number_of_minutes:=%d" % minutes,
                          *(arguments or ["_heartbeat_timeout:=20"]), **options)
 
+    def end(self, process, how):
+        """Tell a node (Process) with the name until_HOW to end, by a signal (its name) or by rosnode_kill."""
+        if how == "rosnode_kill":
+            rosnode.kill_nodes([self.namespace + "/until_rosnode_kill"])
+        else:
+            process.signal(getattr(signal, how))
+
     def serves(self):
         """Wait until the server has washed one more bowl."""
         self.check_ending(self.send(1), SUCCEEDED, bowls(1))
@@ -59,6 +68,12 @@ class ServerCase(unittest.TestCase):
         self.addCleanup(self.scene.stop)
         self.server = self.scene.server(self.script)
         self.clock.lead(self.scene)
+
+    def set_back(self, seconds):
+        """Set the clock back, and wait until the server has seen it, in steps so small that no bowl is due by them."""
+        before = self.clock.now
+        self.clock.set(before - rospy.Duration(seconds))
+        self.scene.wait(lambda: self.clock.turn(0.01) or self.scene.status.header.stamp < before, "a status after it")
 
     def wash(self, minutes, count):
         """Send a goal, and turn the clock on second by second until it has named count bowls. Returns its id."""

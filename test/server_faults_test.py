@@ -7,7 +7,6 @@ import time
 import xmlrpc.client
 
 import rosgraph
-import rosnode
 import rospy
 import rostest
 from actions_tutorial.msg import WashTheDishesActionGoal
@@ -26,10 +25,7 @@ class ServerFaults(NodeCase):
             client = scene.client(60)
             client.expect("bowl-1")
             begun = time.monotonic()
-            if how == "rosnode_kill":
-                rosnode.kill_nodes([scene.namespace + "/until_rosnode_kill"])
-            else:
-                server.signal(getattr(signal, how))
+            scene.end(server, how)
             self.assertEqual(0, server.wait(), server)
             self.assertLess(time.monotonic() - begun, 2 + SLACK, "expected an end within 2 s of %s" % server)
             server.expect("goal ABORTED: the server is shutting down$")

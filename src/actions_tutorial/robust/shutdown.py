@@ -96,7 +96,6 @@ class Closer(threading.Thread):
         self._begun = self._deadline = None  # time.monotonic()
         self._heard = None  # the number of a signal that the main thread went on after
         self._closed = threading.Event()
-        self._up = False
 
     def heed_signals(self):
         """In the main thread. A program that has a use of its own for SIGHUP, or runs under nohup, keeps it."""
@@ -120,7 +119,6 @@ class Closer(threading.Thread):
     def is_up(self):
         """After rospy.init_node, which adds the hooks that come before."""
         rospy.core.add_shutdown_hook(self._is_down)
-        self._up = True
         unfinished.discard(self)
 
     def give_up(self):
@@ -213,7 +211,7 @@ class Closer(threading.Thread):
     def _finish(self):
         """Once; the exit status stays what it is. A program that ends by itself waits for its hooks, as with rospy."""
         rospy.core.signal_shutdown = rospy.signal_shutdown
-        alone = self._up and not self._begun and not self._deadline
+        alone = self not in unfinished and not self._begun and not self._deadline
         self.close(_END)
         begun = self._begun or time.monotonic()
         self._closed.wait(None if alone else max(0, begun + CLOSED_WITHIN - time.monotonic()))
