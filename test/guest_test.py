@@ -280,10 +280,13 @@ rospy.signal_shutdown("done")
                     "rospy.on_shutdown(threading.Event().wait)\nprint('ready')\nrospy.spin()")
         for number in signal.SIGTERM, signal.SIGINT, signal.SIGHUP, None:
             nodes = [ready(master, code) for code in stubborn]
-            if number is None:
+            if number:
+                for node in nodes:
+                    node.signal(number)
+            else:
                 master.start("rosnode", "kill", "-a")
-            for node in nodes:
-                node.signal(number) if number else node.expect("shutdown request")
+                for node in nodes:
+                    node.expect("shutdown request")
             self.ends(*nodes)
         node = ready(master, stubborn[0])
         eventually(lambda: node.signal(signal.SIGTERM) or not node.running(), "an end", node, timeout=2 + SLACK,

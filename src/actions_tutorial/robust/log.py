@@ -60,8 +60,10 @@ def catch_up():
 def show():
     """Write the lines of soon() to the terminal, now, in the form that rospy's handler has by default. /rosout and the
     file get them at the next catch_up(). Without it, a first feedback waits 0.3 ms for rospy's own way to a line."""
+    if not _soon:
+        return
     terminal = next((one for one in _taken if isinstance(one, RosStreamHandler)), None)
-    if not _soon or not terminal or "ROSCONSOLE_FORMAT" in os.environ or not rospy.rostime.is_wallclock() or \
+    if not terminal or "ROSCONSOLE_FORMAT" in os.environ or not rospy.rostime.is_wallclock() or \
             not logging.getLogger("rosout").isEnabledFor(max(logging.INFO, terminal.level)) or \
             _terminal.unfinished_tasks or not _takes_a_line(terminal._stdout):
         return catch_up()
