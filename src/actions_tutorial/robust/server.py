@@ -311,9 +311,12 @@ class _ActionServer(actionlib.ActionServer):
             self._late = self._later
             if self._late or not self.started:
                 return
-            while self._unshown:
-                self._unshown.pop().handle_destruction_time = rospy.Time.now()
+            shown, self._unshown = self._unshown, []
+            for tracker in shown:
+                tracker.handle_destruction_time = rospy.Time()  # never: the clock may leap while super() looks
             super().publish_status()
+            for tracker in shown:
+                tracker.handle_destruction_time = rospy.Time.now()
 
     def publish_status_async(self, event):
         with self.lock:
