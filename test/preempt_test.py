@@ -48,7 +48,7 @@ class TestPreempt(ServerCase):
         self.scene.cancel(goal_id)
         self.scene.wait(lambda: self.clock.turn(0.25) or goal_id in self.scene.states, "the cancel to be kept")
         self.scene.send(5, goal_id)
-        self.scene.check_ending(goal_id, RECALLED, [])
+        self.assertIn("cancelled", self.scene.check_ending(goal_id, RECALLED, []).status.text)
         self.scene.check_ending(self.scene.send(0), SUCCEEDED, [])
         self.assertNotIn("ignored", self.scene.processes[0].stderr)
 
