@@ -318,6 +318,16 @@ class Endings(NodeCase):
             self.assertAlmostEqual(1, statistics.median(gaps) * frequency, delta=0.5)
             server.stop()
 
+    def test_each_ending_is_shown_by_a_status_though_goals_are_forgotten_at_once(self, scene):
+        rospy.set_param(scene.action + "status_list_timeout", 0)  # that of 5 s is over as soon where the clock leaps
+        scene.server()
+        for _ in range(5):
+            scene.check_ending(scene.send(0), SUCCEEDED, [])
+        older = scene.send(9)
+        scene.wait_bowls(older, 1)
+        scene.cancel(older)
+        scene.check_ending(older, PREEMPTED, bowls(1))
+
     def test_second_server_of_an_action_names_the_node_of_the_first_and_none_that_is_gone(self, scene):
         def serves(server):
             scene.forget()

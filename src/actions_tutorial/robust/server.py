@@ -311,9 +311,12 @@ class _ActionServer(actionlib.ActionServer):
             self._late = self._later
             if self._late or not self.started:
                 return
-            while self._unshown:
-                self._unshown.pop().handle_destruction_time = rospy.Time.now()
+            shown, self._unshown = self._unshown, []
+            for tracker in shown:
+                tracker.handle_destruction_time = rospy.Time()  # never: the clock may leap while super() looks
             super().publish_status()
+            for tracker in shown:
+                tracker.handle_destruction_time = rospy.Time.now()
 
     def publish_status_async(self, event):
         with self.lock:
@@ -341,6 +344,7 @@ class _ActionServer(actionlib.ActionServer):
         """Without it, a goal whose result cannot be sent has no ending."""
         with self.lock:
             self._unshown.append(next(one for one in reversed(self.status_list) if one.status is status))
+            status.text = status.text or "cancelled before it came"  # the one that actionlib gives no text
             try:
                 super().publish_result(status, result)
             except Exception as error:
