@@ -344,7 +344,8 @@ class _ActionServer(actionlib.ActionServer):
         """Without it, a goal whose result cannot be sent has no ending."""
         with self.lock:
             self._unshown.append(next(one for one in reversed(self.status_list) if one.status is status))
-            status.text = status.text or "cancelled before it came"  # the one that actionlib gives no text
+            if status.status == GoalStatus.RECALLED:  # which actionlib gives no text, if the cancel came first
+                status.text = status.text or "cancelled before it was taken up"
             try:
                 super().publish_result(status, result)
             except Exception as error:
