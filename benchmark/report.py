@@ -44,9 +44,10 @@ def figures(samples, plan, failures):
             wanted = ("≥ " if at_least else "≤ ") + (above + " + " if above else "") + wanted
             if judged is not None:
                 met = judged >= target if at_least else judged <= target
-        rows.append(dict({kind: value.get(kind) for kind in KINDS}, key=key, label=label, unit=unit, target=wanted,
-                         ratio=judged if times else None, ratio_to=times, met=met, why=failures.get(figure),
-                         n={kind: len(samples[sources[kind]]) for kind in KINDS if kind in value}))
+        rows.append({"key": key, "label": label, "unit": unit, **{kind: value.get(kind) for kind in KINDS},
+                     "ratio": judged if times else None, "ratio_to": times, "target": wanted, "met": met,
+                     "why": failures.get(figure),
+                     "n": {kind: len(samples[sources[kind]]) for kind in KINDS if kind in value}})
 
     # The targets are those of the version after 1.1.0.
     row("cancel_result_median", "cancel → result, median", "ms", median, "cancel", "ping", 1.5, times="floor")

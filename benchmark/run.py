@@ -60,7 +60,7 @@ def measure(args):
             for number in signal.SIGINT, signal.SIGTERM:  # a second Ctrl-C would leave servers behind
                 signal.signal(number, signal.SIG_IGN)
             rospy.signal_shutdown("done")
-    report(benchmark, time.monotonic() - begun, args)
+        report(benchmark, time.monotonic() - begun, args)  # while there is a log for what matplotlib has to say
     return 1 if benchmark.failures else 0
 
 
