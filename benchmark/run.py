@@ -32,8 +32,7 @@ def arguments():
     parser.add_argument("--json", metavar="FILE", help="write figures and samples")
     parser.add_argument("--plot", metavar="FILE.svg", help="draw cancel → result (needs python3-matplotlib)")
     parser.add_argument("--timeline", metavar="FILE.svg", help="draw a newer goal and a cancel (needs matplotlib, too)")
-    parser.add_argument("--server", metavar="PATH",
-                        help="measure this server in place of ours")
+    parser.add_argument("--server", metavar="PATH", type=os.path.abspath, help="measure this server in place of ours")
     parser.add_argument("--quick", action="store_true", help="20 s, to see that it works: too few samples to quote")
     args = parser.parse_args()
     # Better now than after four minutes:
@@ -54,14 +53,14 @@ def measure(args):
         os.environ.update(master.env)
         robust.init_node("benchmark", disable_signals=True)  # whose end Debian 11's rospy would not survive
         try:
-            benchmark = Benchmark(args.server and os.path.abspath(args.server), plan, master)
+            benchmark = Benchmark(master, args.server, plan)
             threading.Thread(target=tell_progress, args=(benchmark, begun), daemon=True).start()
             benchmark.run()
         finally:
             for number in signal.SIGINT, signal.SIGTERM:  # a second Ctrl-C would leave servers behind
                 signal.signal(number, signal.SIG_IGN)
             rospy.signal_shutdown("done")
-    report(benchmark, time.monotonic() - begun, args)
+        report(benchmark, time.monotonic() - begun, args)  # while there is a log for what matplotlib has to say
     return 1 if benchmark.failures else 0
 
 

@@ -44,15 +44,12 @@ type_pages() {
 
 # count_tests STATUS: says the last line; succeeds if STATUS is 0, some tests ran and all passed.
 count_tests() {
-    local passed failed
-    read -r passed failed <<< "$(awk '
-        /^\[[^]]*\]\[passed\]/ { passed++ } # the summary counts each file, too
-        /^Summary: / { failed += $4 + $6 }
-        /^=+ .* in [0-9.]+s/ { for (i = 2; i < NF; i++) {
-            if ($(i + 1) ~ /^passed/) passed += $i
-            if ($(i + 1) ~ /^(failed|error)/) failed += $i
-        } }
-        END { print passed + 0, failed + 0 }' "$log")"
+    local passed failed errors failures end=' +\[ *[0-9]+%\]$'
+    passed=$(grep -acE "^\[[^]]*\]\[passed\]|_test\.py::.* PASSED$end" "$log")
+    failed=$(grep -acE "_test\.py::.* (FAILED|ERROR)$end" "$log")
+    # The summary counts each file as a test, too, but it knows of one that broke off.
+    read -r _ _ _ errors _ failures _ <<< "$(grep -a '^Summary: ' "$log")"
+    ((failed += errors + failures))
     if (($1 && !failed)); then failed=1; fi # a step that broke off without a count
     if ((failed || !passed)); then say "all that was said is in $log"; fi
     say "$passed passed, $failed failed"

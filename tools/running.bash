@@ -47,26 +47,17 @@ to_the_end() {
     "$@"
 }
 
-# logged LOG COMMAND…: the command's output goes to a log, and every five seconds we say how far it is, with the last
-# line that tells a reader something.
-logged() { "${@:2}" 2>&1 | to_the_end progress > "$1"; }
+# logged LOG COMMAND…: the command's output goes to a log, and every five seconds we say how far it is.
+logged() {
+    # shellcheck disable=SC2094 # a log is read while it grows
+    "${@:2}" 2>&1 | { to_the_end cat > "$1"; } | to_the_end progress "$1"
+}
 
+# progress LOG: says the log's last line that tells a reader something, until the pipe is closed in which nothing comes.
 progress() {
-    local part line='' last='' status=0 begun=$SECONDS next=$((SECONDS + 5))
-    local telling='^(Get:[0-9]+ |Unpacking |Setting up |\[ *[0-9]+%\] (Generating|Building) )'
-    while ((status == 0 || status > 128)); do # above 128: no whole line came within a second
-        IFS= read -r -t 1 part
-        status=$?
-        line+=$part
-        if ((status == 0)); then
-            printf '%s\n' "$line"
-            [[ ! $line =~ $telling ]] || last=": ${line:0:90}"
-            line=''
-        fi
-        if ((SECONDS >= next)); then
-            say "    $((SECONDS - begun)) s$last"
-            next=$((SECONDS + 5))
-        fi
+    local last begun=$SECONDS telling='^(Get:[0-9]+ |Unpacking |Setting up |\[ *[0-9]+%\] (Generating|Building) )'
+    until read -r -t 5 || (($? <= 128)); do # above 128: five seconds have passed
+        last=$(grep -aE "$telling" "$1" | tail -n 1)
+        say "    $((SECONDS - begun)) s${last:+: ${last:0:90}}"
     done
-    printf '%s' "$line"
 }
