@@ -494,6 +494,7 @@ print("first")
 robust.init_node("guest")
 print("second")
 print("through the stream from before", file=stdout)
+rospy.loginfo("%(what)s", {"what": "with a dict"})
 for number in range(10):
     rospy.loginfo(str(number) * (2500 >> number % 2 * 9))
 for number in range(400):
@@ -502,7 +503,7 @@ sys.stdout = io.TextIOWrapper(sys.stdout.buffer)
 print("through another stream")
 """, head=HEAD, ROSCONSOLE_FORMAT="${message}", PYTHONUNBUFFERED="")
         self.assertEqual(0, node.wait(), node)
-        self.assertEqual(["f", "s", "t", *"0123456789", *"l" * 400, "t"],
+        self.assertEqual(["f", "s", "t", "w", *"0123456789", *"l" * 400, "t"],
                          [line[0] for line in node.stdout.splitlines()], node)
         self.assertIn("line 399!", log_file(master), node)
 

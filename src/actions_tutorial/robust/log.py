@@ -170,7 +170,7 @@ _terminal, _others = _Caller(0), _Caller(LATER)
 
 def _write_at_once(handler, write, record):
     catch_up()
-    if record.args and isinstance(record.args[0], _Shown):
+    if any(isinstance(one, _Shown) for one in record.args or ()):  # which may be a dict
         return
     if _ROSPY in record.pathname:  # its warnings quote what a peer has sent
         record = _with_text(record, printable(record.getMessage()))
