@@ -273,6 +273,22 @@ rospy.signal_shutdown("done")
         self.assertEqual(3, node.stderr.count("[WARN] child logs\n"), node)
         self.assertEqual(3, log_file(master).count("child logs"), node)
 
+    def test_child_that_execute_cb_forks_ends_with_sys_exit(self, master):
+        self.says(master, """
+def execute(goal):
+    child = os.fork()
+    if not child:
+        sys.exit()
+    print(psutil.Process(child).wait(20))
+    server.set_succeeded()
+
+server = robust.SimpleActionServer("work", TestAction, execute, True)
+client = robust.SimpleActionClient("work", TestAction)
+client.wait_for_server()
+print(client.send_goal_and_wait(TestGoal()))
+rospy.signal_shutdown("done")
+""", "0", "3")
+
     def test_stubborn_node_ends_within_2_s_of_a_signal_of_many_and_of_rosnode_kill(self, master):
         stubborn = ("print('ready')\nwhile True:\n    time.sleep(1)",
                     "print('ready')\nlock = bytes(64)\nwhile True:\n    ctypes.CDLL(None).pthread_mutex_lock(lock)",

@@ -9,6 +9,7 @@ first two held, so whatever has to go on while it blocks must not wait for them:
 from __future__ import annotations
 
 import contextlib
+import os
 import threading
 import time
 import weakref
@@ -163,9 +164,12 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def __execute(self, goal):
         if goal is None:
             return  # recalled in the moment in which the loop took it up
+        process = os.getpid()
         try:
             self.__execute_cb(goal)
         except BaseException as error:  # sys.exit would end the thread, and no goal would be served any more
+            if os.getpid() != process:
+                raise  # a child that execute_cb has forked, which is to end
             if not rospy.is_shutdown():
                 log.failed(self.__name + ": execute_cb")
             if self.is_active():
