@@ -289,6 +289,18 @@ print(client.send_goal_and_wait(TestGoal()))
 rospy.signal_shutdown("done")
 """, "0", "3")
 
+    def test_lines_of_a_child_stand_in_the_order_in_which_it_printed_and_logged_them(self, master):
+        self.says(master, """
+robust.init_node("guest")
+child = os.fork()
+if not child:
+    print("first")
+    rospy.loginfo("second")
+    print("third")
+    sys.exit()
+os.waitpid(child, 0)
+""", "first", "second", "third", head=HEAD, ROSCONSOLE_FORMAT="${message}", PYTHONUNBUFFERED="")
+
     def test_stubborn_node_ends_within_2_s_of_a_signal_of_many_and_of_rosnode_kill(self, master):
         stubborn = ("print('ready')\nwhile True:\n    time.sleep(1)",
                     "print('ready')\nlock = bytes(64)\nwhile True:\n    ctypes.CDLL(None).pthread_mutex_lock(lock)",

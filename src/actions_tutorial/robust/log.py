@@ -84,7 +84,7 @@ def hold_nobody_up(handlers):
         handler.handleError = functools.partial(_say_once, handler, [])
         if isinstance(handler, RosStreamHandler):
             need("rospy", handler, "_stdout", "_stderr")
-            handler._stdout = _own(handler._stdout)
+            handler.stdout_before, handler._stdout = handler._stdout, _own(handler._stdout)
             handler.emit = functools.partial(_write_at_once, handler, write)
         else:
             handler.emit = functools.partial(_write_later, _others, write)
@@ -108,6 +108,8 @@ def give_back():
     while _taken:
         handler = _taken.pop()
         del handler.emit, handler.handleError
+        if isinstance(handler, RosStreamHandler):
+            handler._stdout = handler.stdout_before  # else the child's lines overtake what it has printed
 
 
 def flush(seconds):
