@@ -301,6 +301,23 @@ if not child:
 os.waitpid(child, 0)
 """, "first", "second", "third", head=HEAD, ROSCONSOLE_FORMAT="${message}", PYTHONUNBUFFERED="")
 
+    def test_goal_that_has_ended_is_the_current_one_until_the_next_is_accepted(self, master):
+        self.says(master, """
+def execute(goal):
+    mine = server.current_goal.get_goal_id().id
+    server.set_succeeded()
+    if goal.goal:
+        so(server.is_new_goal_available)
+        print(server.current_goal.get_goal_id().id == mine)
+
+server = robust.SimpleActionServer("work", TestAction, execute, True)
+client = robust.SimpleActionClient("work", TestAction)
+client.wait_for_server()
+for more in 1, 0:
+    print(client.send_goal_and_wait(TestGoal(more)))
+rospy.signal_shutdown("done")
+""", "3", "True", "3")
+
     def test_stubborn_node_ends_within_2_s_of_a_signal_of_many_and_of_rosnode_kill(self, master):
         stubborn = ("print('ready')\nwhile True:\n    time.sleep(1)",
                     "print('ready')\nlock = bytes(64)\nwhile True:\n    ctypes.CDLL(None).pthread_mutex_lock(lock)",

@@ -143,16 +143,20 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             goal.set_canceled(None, SHUTTING_DOWN)
             return
         with self.lock:
-            busy = self.is_active()
-            if not busy and not self.is_new_goal_available():
+            busy, ended = self.is_active(), self.current_goal
+            if not busy:
                 # Without it, a goal is refused for a stamp older than that of one that has ended: after one stamp from
                 # the future nobody is served any more.
-                self.current_goal = self.next_goal = actionlib.ServerGoalHandle()
+                self.current_goal = actionlib.ServerGoalHandle()
+                if not self.is_new_goal_available():
+                    self.next_goal = self.current_goal
         try:
             super().internal_goal_callback(goal)
         finally:  # a callback of the program's may raise
             if busy:
                 rate.wake()
+            elif not self.current_goal.get_goal():
+                self.current_goal = ended  # until the next one is accepted, as with actionlib
 
     def internal_preempt_callback(self, preempt: actionlib.ServerGoalHandle) -> None:
         """For the library: a cancel has come."""
