@@ -273,6 +273,51 @@ rospy.signal_shutdown("done")
         self.assertEqual(3, node.stderr.count("[WARN] child logs\n"), node)
         self.assertEqual(3, log_file(master).count("child logs"), node)
 
+    def test_child_that_execute_cb_forks_ends_with_sys_exit(self, master):
+        self.says(master, """
+def execute(goal):
+    child = os.fork()
+    if not child:
+        sys.exit()
+    print(psutil.Process(child).wait(20))
+    server.set_succeeded()
+
+server = robust.SimpleActionServer("work", TestAction, execute, True)
+client = robust.SimpleActionClient("work", TestAction)
+client.wait_for_server()
+print(client.send_goal_and_wait(TestGoal()))
+rospy.signal_shutdown("done")
+""", "0", "3")
+
+    def test_lines_of_a_child_stand_in_the_order_in_which_it_printed_and_logged_them(self, master):
+        self.says(master, """
+robust.init_node("guest")
+child = os.fork()
+if not child:
+    print("first")
+    rospy.loginfo("second")
+    print("third")
+    sys.exit()
+os.waitpid(child, 0)
+""", "first", "second", "third", head=HEAD, ROSCONSOLE_FORMAT="${message}", PYTHONUNBUFFERED="")
+
+    def test_goal_that_has_ended_is_the_current_one_until_the_next_is_accepted(self, master):
+        self.says(master, """
+def execute(goal):
+    mine = server.current_goal.get_goal_id().id
+    server.set_succeeded()
+    if goal.goal:
+        so(server.is_new_goal_available)
+        print(server.current_goal.get_goal_id().id == mine)
+
+server = robust.SimpleActionServer("work", TestAction, execute, True)
+client = robust.SimpleActionClient("work", TestAction)
+client.wait_for_server()
+for more in 1, 0:
+    print(client.send_goal_and_wait(TestGoal(more)))
+rospy.signal_shutdown("done")
+""", "3", "True", "3")
+
     def test_stubborn_node_ends_within_2_s_of_a_signal_of_many_and_of_rosnode_kill(self, master):
         stubborn = ("print('ready')\nwhile True:\n    time.sleep(1)",
                     "print('ready')\nlock = bytes(64)\nwhile True:\n    ctypes.CDLL(None).pthread_mutex_lock(lock)",
@@ -497,6 +542,7 @@ print("first")
 robust.init_node("guest")
 print("second")
 print("through the stream from before", file=stdout)
+rospy.loginfo("%(what)s", {"what": "with a dict"})
 for number in range(10):
     rospy.loginfo(str(number) * (2500 >> number % 2 * 9))
 for number in range(400):
@@ -505,7 +551,7 @@ sys.stdout = io.TextIOWrapper(sys.stdout.buffer)
 print("through another stream")
 """, head=HEAD, ROSCONSOLE_FORMAT="${message}", PYTHONUNBUFFERED="")
         self.assertEqual(0, node.wait(), node)
-        self.assertEqual(["f", "s", "t", *"0123456789", *"l" * 400, "t"],
+        self.assertEqual(["f", "s", "t", "w", *"0123456789", *"l" * 400, "t"],
                          [line[0] for line in node.stdout.splitlines()], node)
         self.assertIn("line 399!", log_file(master), node)
 

@@ -86,7 +86,7 @@ def hold_nobody_up(handlers):
         handler.handleError = functools.partial(_say_once, handler, [])
         if isinstance(handler, RosStreamHandler):
             need("rospy", handler, "_stdout", "_stderr")
-            handler._stdout = _own(handler._stdout)
+            handler.stdout_before, handler._stdout = handler._stdout, _own(handler._stdout)
             handler.emit = functools.partial(_write_at_once, handler, write)
         else:
             handler.emit = functools.partial(_write_later, _others, write)
@@ -110,6 +110,8 @@ def give_back():
     while _taken:
         handler = _taken.pop()
         del handler.emit, handler.handleError
+        if isinstance(handler, RosStreamHandler):
+            handler._stdout = handler.stdout_before  # else the child's lines overtake what it has printed
 
 
 def flush(seconds):
@@ -172,7 +174,7 @@ _terminal, _others = _Caller(0), _Caller(LATER)
 
 def _write_at_once(handler, write, record):
     catch_up()
-    if record.args and isinstance(record.args[0], _Shown):
+    if any(isinstance(one, _Shown) for one in record.args or ()):  # which may be a dict
         return
     if _ROSPY in record.pathname:  # its warnings quote what a peer has sent
         record = _with_text(record, printable(record.getMessage()))

@@ -9,6 +9,7 @@ first two held, so whatever has to go on while it blocks must not wait for them:
 from __future__ import annotations
 
 import contextlib
+import os
 import threading
 import time
 import weakref
@@ -142,16 +143,20 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             goal.set_canceled(None, SHUTTING_DOWN)
             return
         with self.lock:
-            busy = self.is_active()
-            if not busy and not self.is_new_goal_available():
+            busy, ended = self.is_active(), self.current_goal
+            if not busy:
                 # Without it, a goal is refused for a stamp older than that of one that has ended: after one stamp from
                 # the future nobody is served any more.
-                self.current_goal = self.next_goal = actionlib.ServerGoalHandle()
+                self.current_goal = actionlib.ServerGoalHandle()
+                if not self.is_new_goal_available():
+                    self.next_goal = self.current_goal
         try:
             super().internal_goal_callback(goal)
         finally:  # a callback of the program's may raise
             if busy:
                 rate.wake()
+            elif not self.current_goal.get_goal():
+                self.current_goal = ended  # until the next one is accepted, as with actionlib
 
     def internal_preempt_callback(self, preempt: actionlib.ServerGoalHandle) -> None:
         """For the library: a cancel has come."""
@@ -163,9 +168,12 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def __execute(self, goal):
         if goal is None:
             return  # recalled in the moment in which the loop took it up
+        process = os.getpid()
         try:
             self.__execute_cb(goal)
         except BaseException as error:  # sys.exit would end the thread, and no goal would be served any more
+            if os.getpid() != process:
+                raise  # a child that execute_cb has forked, which is to end
             if not rospy.is_shutdown():
                 log.failed(self.__name + ": execute_cb")
             if self.is_active():
