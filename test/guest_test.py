@@ -308,7 +308,8 @@ def execute(goal):
     server.set_succeeded()
     if goal.goal:
         so(server.is_new_goal_available)
-        print(server.current_goal.get_goal_id().id == mine)
+        with server.action_server.lock:  # until it has been taken in
+            print(server.current_goal.get_goal_id().id == mine)
 
 server = robust.SimpleActionServer("work", TestAction, execute, True)
 client = robust.SimpleActionClient("work", TestAction)
