@@ -50,6 +50,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         super().__init__(name, ActionSpec, auto_start=False)
         need("actionlib", self, "lock", "execute_callback", "execute_thread", "execute_condition", "action_server",
              "current_goal", "next_goal", "new_goal", "preempt_callback", "need_to_terminate")
+        self.current_goal: actionlib.ServerGoalHandle
         self.__shutting_down = False
         self.__taken_over = 0  # goals in whose midst a newer one was accepted
         self.__taken_by: Optional[int] = None  # the thread that did it last
