@@ -25,7 +25,7 @@ from unittest import mock
 import actionlib
 import rospy
 import rosunit
-from actionlib.msg import TestActionGoal, TestActionResult
+from actionlib.msg import TestActionFeedback, TestActionGoal, TestActionResult
 from actionlib_msgs.msg import GoalStatus
 from rosgraph.network import encode_ros_handshake_header
 from rosgraph.roslogging import RosStreamHandler
@@ -348,6 +348,15 @@ class Units(unittest.TestCase):
         with mock.patch.object(rospy, "get_time", return_value=1):
             robust.SimpleActionClient._SimpleActionClient__watch(watched)
         self.assertEqual(([], 1), (busy.lose.mock_calls, lives.call_count))
+
+    def test_feedback_of_the_goal_is_a_word_about_it_and_that_of_another_is_none(self):
+        goal, _ = self.goal_and_result(None)
+        goal.feedback_cb, feedback = mock.Mock(), TestActionFeedback()
+        for goal_id, silence in ("other", 5), ("id", 0):
+            goal.mentioned, feedback.status.goal_id.id = False, goal_id
+            goal.update_feedback(feedback)
+            goal.look(5)
+            self.assertEqual(silence, goal.silence, goal_id)
 
     def test_state_that_is_none_has_its_number_for_a_name(self):
         self.assertEqual(["LOST", "42"], list(map(internals.name_of, (GoalStatus.LOST, 42))))

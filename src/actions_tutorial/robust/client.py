@@ -395,6 +395,7 @@ class _Goal(CommStateMachine):
         """Without it, the last feedback is dropped if the one before takes its callback longer than the result takes
         to come."""
         if self.action_goal.goal_id.id == action_feedback.status.goal_id.id:
+            self.mentioned = True  # a server that works in its goal callback sends no status meanwhile
             self.feedback_cb(actionlib.ClientGoalHandle(self), action_feedback.feedback)
 
     def transition_to(self, state: int) -> None:
