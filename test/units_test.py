@@ -341,6 +341,8 @@ class Units(unittest.TestCase):
         goal.mentioned = True
         self.assertFalse(goal.look(5))
         self.assertEqual((0, 0), (goal.silence, goal.ignored))
+        client._call(lambda: setattr(goal, "passed_over", True) or setattr(goal, "mentioned", False) or goal.look(5))
+        self.assertEqual((5, 0), (goal.silence, goal.ignored))  # a result may wait behind that callback
         busy, lives = mock.Mock(silence=9, ignored=1), mock.Mock(return_value=True)
         watched = mock.MagicMock(_SimpleActionClient__goal=mock.Mock(side_effect=[busy, busy, None]),
                                  _SimpleActionClient__heartbeat_timeout=5, _SimpleActionClient__server_lives=lives)
@@ -357,6 +359,16 @@ class Units(unittest.TestCase):
             goal.update_feedback(feedback)
             goal.look(5)
             self.assertEqual(silence, goal.silence, goal_id)
+
+    def test_server_is_not_silent_while_a_callback_of_the_program_holds_its_statuses_up(self):
+        goal, _ = self.goal_and_result(None)
+        goal.mentioned = False
+        with ThreadPoolExecutor(1) as thread:
+            with goal.mutex:  # as active_cb is called
+                self.assertFalse(thread.submit(goal.look, 5).result())
+            self.assertEqual(0, goal.silence)
+            thread.submit(goal.look, 5).result()
+        self.assertEqual(5, goal.silence)
 
     def test_state_that_is_none_has_its_number_for_a_name(self):
         self.assertEqual(["LOST", "42"], list(map(internals.name_of, (GoalStatus.LOST, 42))))

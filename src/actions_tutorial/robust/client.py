@@ -38,6 +38,8 @@ CONNECTED_AFTER = 3  # s that a server may take to connect, once the master has 
 LOOKS = 0.5  # s between two looks at the goal
 LIVING = 6  # times heartbeat_timeout: the patience with a server whose node answers
 
+_running: list = []  # the callbacks of the program that _call() has not come back from, all clients'
+
 
 class SimpleActionClient(actionlib.SimpleActionClient):
     """An actionlib.SimpleActionClient by which each goal has an ending, and that says why it was not SUCCEEDED.
@@ -343,14 +345,18 @@ class _Goal(CommStateMachine):
 
     def look(self, seconds: float) -> bool:
         """Returns whether the server has spoken since the last look, so many seconds ago, but not of this goal."""
-        mentioned, passed_over = self.mentioned, self.passed_over
+        at_work = not self.mutex.acquire(blocking=False)  # a callback of the program's: statuses wait for its end
+        if not at_work:
+            self.mutex.release()
+        mentioned, passed_over = self.mentioned or at_work, self.passed_over
         self.mentioned = self.passed_over = False
         if mentioned:
             self.silence = self.ignored = 0.0
             return False
         self.silence += seconds
         # Without it, a goal that waited for a busy server is lost in the moment in which that speaks again.
-        self.ignored += seconds if passed_over else 0
+        # While a callback runs, another client's too, the result may wait behind it.
+        self.ignored += seconds if passed_over and not _running else 0
         return passed_over
 
     def send_again(self) -> None:
@@ -412,11 +418,14 @@ class _Goal(CommStateMachine):
 
 def _call(callback: Optional[Callable], *args: Any) -> None:
     """Call a callback of the user's. Without it, one that raises takes along what the library has to do after it."""
+    _running.append(callback)
     try:
         if callback:
             callback(*args)
     except BaseException:  # sys.exit would end the thread that brings the answers
         log.failed("the callback %s" % getattr(callback, "__name__", callback))
+    finally:
+        _running.pop()
 
 
 def _duration(timeout: Seconds) -> genpy.Duration:
