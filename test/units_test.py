@@ -406,6 +406,19 @@ class Units(unittest.TestCase):
         asked.action_client.last_status_msg = None  # since the watcher gave the server up
         self.assertFalse(robust.SimpleActionClient._SimpleActionClient__ask_server(asked))
 
+    def test_server_lives_if_its_node_answers_where_our_connection_goes_without_the_master_or_where_that_says(self):
+        asked, header = mock.MagicMock(), {"callerid": "/server"}
+        asked.action_client.last_status_msg._connection_header = header
+        others, ours = mock.Mock(callerid_pub="/other"), mock.Mock(callerid_pub="/server", endpoint_id="uri")
+        lives = robust.SimpleActionClient._SimpleActionClient__server_lives
+        with mock.patch.object(client, "ask", return_value=1) as ask, \
+                mock.patch.object(client, "ask_node", side_effect=[1, OSError, OSError]) as ask_node:
+            for connections, answer in ([others, ours], True), ([others], True), ([], False), (None, False):
+                asked.action_client.status_sub.impl.connections = connections
+                self.assertEqual(answer, lives(asked), connections)
+        ask.assert_called_once_with("uri", "getPid")
+        self.assertEqual(3, ask_node.call_count)
+
     def goal_and_result(self, told, send_cancel=None):
         """Returns a goal that calls these functions with its handle and with a cancel, and its result, SUCCEEDED."""
         sent, result = TestActionGoal(), TestActionResult()

@@ -77,7 +77,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         need("actionlib", self, "simple_state", "gh", "done_condition", "action_client", "_handle_transition",
              "_handle_feedback")
         need("actionlib", self.action_client, "manager", "pub_goal", "pub_cancel", "result_sub", "feedback_sub",
-             "last_status_msg")
+             "status_sub", "last_status_msg")
+        need("rospy", self.action_client.status_sub.impl, "connections")
         need("actionlib", self.action_client.manager, "list_mutex", "_generate_id")
         need("actionlib", CommStateMachine, "update_status", "update_result", "update_feedback", "transition_to",
              "_mark_as_lost")
@@ -308,8 +309,11 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         status = self.action_client.last_status_msg
         if status:  # none yet, for a second try after a time-out
             self.__server = status._connection_header["callerid"]
+        # The master may be gone, or know the server no longer: our connection has its address, too.
+        topic = self.action_client.status_sub.impl  # None if the client was stopped
+        uri = next((one.endpoint_id for one in topic and topic.connections or () if one.callerid_pub == self.__server), "")
         try:
-            return bool(self.__server and ask_node(self.__server, "getPid"))
+            return bool(self.__server and (ask(uri, "getPid") if uri else ask_node(self.__server, "getPid")))
         except NO_ANSWER:
             return False
 
