@@ -419,6 +419,10 @@ class Units(unittest.TestCase):
         ask.assert_called_once_with("uri", "getPid")
         self.assertEqual(3, ask_node.call_count)
 
+    def test_wait_for_a_server_before_init_node_does_not_begin(self):
+        with self.assertRaisesRegex(rospy.ROSInitException, "init_node"):
+            robust.SimpleActionClient.wait_for_server(mock.MagicMock(), 0.1)
+
     def goal_and_result(self, told, send_cancel=None):
         """Returns a goal that calls these functions with its handle and with a cancel, and its result, SUCCEEDED."""
         sent, result = TestActionGoal(), TestActionResult()

@@ -100,9 +100,11 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """Wait until messages go both ways between this client and a server, and say every 5 s what for.
 
         timeout: rospy.Duration or s, of real time (0: for ever; below 0: a look, no wait).
-        Returns whether they do: False after timeout and on shutdown; get_failure() says which.
+        Returns whether they do: False after timeout and on shutdown; get_failure() says which. Raises
+        rospy.ROSInitException before init_node.
         """
         self.__set_up()
+        rospy.get_rostime()  # raises the ROSInitException: before init_node nothing can come, and the wait does not end
         what = "action " + rospy.resolve_name(self.action_client.ns)
         seconds = _duration(timeout).to_sec()
         connected = node.wait_for(what, lambda: self.action_client.last_status_msg and self.__is_connected(), seconds)
