@@ -38,7 +38,7 @@ CONNECTED_AFTER = 3  # s that a server may take to connect, once the master has 
 LOOKS = 0.5  # s between two looks at the goal
 LIVING = 6  # times heartbeat_timeout: the patience with a server whose node answers
 
-_running: list = []  # the callbacks of the program that _call() has not come back from, all clients'
+_running: list = []  # for each callback of the program that has not come back: the topic of its goal's result
 
 
 class SimpleActionClient(actionlib.SimpleActionClient):
@@ -160,7 +160,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                 super().send_goal(goal, done_cb, active_cb, feedback_cb)
                 machine = self.gh.comm_state_machine
                 machine.__class__ = _Goal
-                machine.begin()
+                machine.begin(self.action_client.result_sub.resolved_name)
             except Exception as error:  # SerializationError of its fields, AttributeError of a message of another kind
                 # Without it, what is written of it stays in rospy's buffer, and spoils the next goal.
                 clear(self.action_client.pub_goal)
@@ -257,11 +257,11 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         and never if that raises. A goal that is not tracked any more needs no error; neither does its feedback."""
         goal, state = gh.comm_state_machine, gh.get_comm_state()
         if state in (CommState.ACTIVE, CommState.PREEMPTING) and self.__reaches(goal, SimpleGoalState.ACTIVE):
-            _call(goal.active_cb)
+            goal.call(goal.active_cb)
         elif state == CommState.DONE and self.__reaches(goal, SimpleGoalState.DONE):
             if gh.get_goal_status() == GoalStatus.SUCCEEDED:
                 shutdown.unfinished.discard(goal)
-            _call(goal.done_cb, gh.get_goal_status(), gh.get_result())
+            goal.call(goal.done_cb, gh.get_goal_status(), gh.get_result())
             with self.done_condition, self.action_client.manager.list_mutex:
                 goal.is_over = True
                 if (self.__goal() or goal) is goal:  # or else done_cb has sent the next one
@@ -313,7 +313,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             self.__server = status._connection_header["callerid"]
         # The master may be gone, or know the server no longer: our connection has its address, too.
         topic = self.action_client.status_sub.impl  # None if the client was stopped
-        uri = next((one.endpoint_id for one in topic and topic.connections or () if one.callerid_pub == self.__server), "")
+        uri = next((one.endpoint_id for one in topic and topic.connections or ()
+                    if one.callerid_pub == self.__server), None)
         try:
             return bool(self.__server and (ask(uri, "getPid") if uri else ask_node(self.__server, "getPid")))
         except NO_ANSWER:
@@ -336,7 +337,8 @@ class _Goal(CommStateMachine):
     """What the library knows of a goal that was sent, and what we know of it: what was made a CommStateMachine, for the
     library knows no other class, becomes one of these before any answer gets to it."""
 
-    def begin(self) -> None:
+    def begin(self, topic: str) -> None:
+        self.topic = topic  # of its result
         self.send_cancel = self.__dict__.pop("send_cancel_fn")
         self.simple_state = SimpleGoalState.PENDING
         self.is_over = False  # DONE, and done_cb has run
@@ -361,8 +363,8 @@ class _Goal(CommStateMachine):
             return False
         self.silence += seconds
         # Without it, a goal that waited for a busy server is lost in the moment in which that speaks again.
-        # While a callback runs, another client's too, the result may wait behind it.
-        self.ignored += seconds if passed_over and not _running else 0
+        # While a callback runs, of another client's goal, too, the result may wait behind it.
+        self.ignored += seconds if passed_over and self.topic not in _running else 0
         return passed_over
 
     def send_again(self) -> None:
@@ -410,6 +412,18 @@ class _Goal(CommStateMachine):
             self.mentioned = True  # a server that works in its goal callback sends no status meanwhile
             self.feedback_cb(actionlib.ClientGoalHandle(self), action_feedback.feedback)
 
+    def call(self, callback: Optional[Callable], *args: Any) -> None:
+        """Call a callback of the user's. Without it, one that raises takes along what the library has to do after
+        it."""
+        _running.append(self.topic)
+        try:
+            if callback:
+                callback(*args)
+        except BaseException:  # sys.exit would end the thread that brings the answers
+            log.failed("the callback %s" % getattr(callback, "__name__", callback))
+        finally:
+            _running.remove(self.topic)
+
     def transition_to(self, state: int) -> None:
         if self.state != CommState.DONE:  # a cancel after the end changes nothing
             super().transition_to(state)
@@ -420,18 +434,6 @@ class _Goal(CommStateMachine):
         if self.is_known:
             self.why = "the server no longer knows the goal"
             super()._mark_as_lost()
-
-
-def _call(callback: Optional[Callable], *args: Any) -> None:
-    """Call a callback of the user's. Without it, one that raises takes along what the library has to do after it."""
-    _running.append(callback)
-    try:
-        if callback:
-            callback(*args)
-    except BaseException:  # sys.exit would end the thread that brings the answers
-        log.failed("the callback %s" % getattr(callback, "__name__", callback))
-    finally:
-        _running.pop()
 
 
 def _duration(timeout: Seconds) -> genpy.Duration:
