@@ -25,7 +25,7 @@ from unittest import mock
 import actionlib
 import rospy
 import rosunit
-from actionlib.msg import TestActionGoal, TestActionResult
+from actionlib.msg import TestActionFeedback, TestActionGoal, TestActionResult
 from actionlib_msgs.msg import GoalStatus
 from rosgraph.network import encode_ros_handshake_header
 from rosgraph.roslogging import RosStreamHandler
@@ -341,6 +341,11 @@ class Units(unittest.TestCase):
         goal.mentioned = True
         self.assertFalse(goal.look(5))
         self.assertEqual((0, 0), (goal.silence, goal.ignored))
+        other, ignored = self.goal_and_result(None)[0], []
+        for other.topic in "elsewhere", goal.topic:  # where the result waits behind the callback
+            goal.passed_over, goal.mentioned = True, False
+            other.call(lambda: ignored.append(goal.look(5) and goal.ignored))
+        self.assertEqual([5, 5], ignored)
         busy, lives = mock.Mock(silence=9, ignored=1), mock.Mock(return_value=True)
         watched = mock.MagicMock(_SimpleActionClient__goal=mock.Mock(side_effect=[busy, busy, None]),
                                  _SimpleActionClient__heartbeat_timeout=5, _SimpleActionClient__server_lives=lives)
@@ -348,6 +353,25 @@ class Units(unittest.TestCase):
         with mock.patch.object(rospy, "get_time", return_value=1):
             robust.SimpleActionClient._SimpleActionClient__watch(watched)
         self.assertEqual(([], 1), (busy.lose.mock_calls, lives.call_count))
+
+    def test_feedback_of_the_goal_is_a_word_about_it_and_that_of_another_is_none(self):
+        goal, _ = self.goal_and_result(None)
+        goal.feedback_cb, feedback = mock.Mock(), TestActionFeedback()
+        for goal_id, silence in ("other", 5), ("id", 0):
+            goal.mentioned, feedback.status.goal_id.id = False, goal_id
+            goal.update_feedback(feedback)
+            goal.look(5)
+            self.assertEqual(silence, goal.silence, goal_id)
+
+    def test_server_is_not_silent_while_a_callback_of_the_program_holds_its_statuses_up(self):
+        goal, _ = self.goal_and_result(None)
+        goal.mentioned = False
+        with ThreadPoolExecutor(1) as thread:
+            with goal.mutex:  # as active_cb is called
+                self.assertFalse(thread.submit(goal.look, 5).result())
+            self.assertEqual(0, goal.silence)
+            thread.submit(goal.look, 5).result()
+        self.assertEqual(5, goal.silence)
 
     def test_state_that_is_none_has_its_number_for_a_name(self):
         self.assertEqual(["LOST", "42"], list(map(internals.name_of, (GoalStatus.LOST, 42))))
@@ -385,13 +409,30 @@ class Units(unittest.TestCase):
         asked.action_client.last_status_msg = None  # since the watcher gave the server up
         self.assertFalse(robust.SimpleActionClient._SimpleActionClient__ask_server(asked))
 
+    def test_server_lives_if_its_node_answers_where_our_connection_goes_without_the_master_or_where_that_says(self):
+        asked, header = mock.MagicMock(), {"callerid": "/server"}
+        asked.action_client.last_status_msg._connection_header = header
+        others, ours = mock.Mock(callerid_pub="/other"), mock.Mock(callerid_pub="/server", endpoint_id="uri")
+        lives = robust.SimpleActionClient._SimpleActionClient__server_lives
+        with mock.patch.object(client, "ask", return_value=1) as ask, \
+                mock.patch.object(client, "ask_node", side_effect=[1, OSError, OSError]) as ask_node:
+            for connections, answer in ([others, ours], True), ([others], True), ([], False), (None, False):
+                asked.action_client.status_sub.impl.connections = connections
+                self.assertEqual(answer, lives(asked), connections)
+        ask.assert_called_once_with("uri", "getPid")
+        self.assertEqual(3, ask_node.call_count)
+
+    def test_wait_for_a_server_before_init_node_does_not_begin(self):
+        with self.assertRaisesRegex(rospy.ROSInitException, "init_node"):
+            robust.SimpleActionClient.wait_for_server(mock.MagicMock(), 0.1)
+
     def goal_and_result(self, told, send_cancel=None):
         """Returns a goal that calls these functions with its handle and with a cancel, and its result, SUCCEEDED."""
         sent, result = TestActionGoal(), TestActionResult()
         sent.goal_id.id = result.status.goal_id.id = "id"
         result.status.status = GoalStatus.SUCCEEDED
         goal = client._Goal(sent, told, None, None, send_cancel)
-        goal.begin()
+        goal.begin("/result")
         return goal, result
 
     def test_goal_that_is_lost_while_its_result_comes_has_one_ending(self):
@@ -428,6 +469,18 @@ class Units(unittest.TestCase):
             now[0] = 1.5
             self.assertFalse(is_there())
             eventually(is_there, "a new answer")
+
+    def test_question_that_two_threads_ask_at_once_is_answered_for_both(self):
+        class Late(threading.Thread):
+            def start(self):
+                if not others:
+                    others.append(self)
+                    thread.submit(eventually, is_there, "an answer").result()
+                super().start()
+
+        others, is_there = [], node.asking(lambda: True)
+        with ThreadPoolExecutor(1) as thread, mock.patch.object(node, "threading", mock.Mock(Thread=Late)):
+            eventually(is_there, "an answer")
 
     def test_question_that_raised_is_asked_again(self):
         answers = []

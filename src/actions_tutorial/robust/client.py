@@ -38,6 +38,8 @@ CONNECTED_AFTER = 3  # s that a server may take to connect, once the master has 
 LOOKS = 0.5  # s between two looks at the goal
 LIVING = 6  # times heartbeat_timeout: the patience with a server whose node answers
 
+_running: list = []  # for each callback of the program that has not come back: the topic of its goal's result
+
 
 class SimpleActionClient(actionlib.SimpleActionClient):
     """An actionlib.SimpleActionClient by which each goal has an ending, and that says why it was not SUCCEEDED.
@@ -75,7 +77,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         need("actionlib", self, "simple_state", "gh", "done_condition", "action_client", "_handle_transition",
              "_handle_feedback")
         need("actionlib", self.action_client, "manager", "pub_goal", "pub_cancel", "result_sub", "feedback_sub",
-             "last_status_msg")
+             "status_sub", "last_status_msg")
+        need("rospy", self.action_client.status_sub.impl, "connections")
         need("actionlib", self.action_client.manager, "list_mutex", "_generate_id")
         need("actionlib", CommStateMachine, "update_status", "update_result", "update_feedback", "transition_to",
              "_mark_as_lost")
@@ -97,9 +100,11 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """Wait until messages go both ways between this client and a server, and say every 5 s what for.
 
         timeout: rospy.Duration or s, of real time (0: for ever; below 0: a look, no wait).
-        Returns whether they do: False after timeout and on shutdown; get_failure() says which.
+        Returns whether they do: False after timeout and on shutdown; get_failure() says which. Raises
+        rospy.ROSInitException before init_node.
         """
         self.__set_up()
+        rospy.get_rostime()  # raises the ROSInitException: before init_node nothing can come, and the wait does not end
         what = "action " + rospy.resolve_name(self.action_client.ns)
         seconds = _duration(timeout).to_sec()
         connected = node.wait_for(what, lambda: self.action_client.last_status_msg and self.__is_connected(), seconds)
@@ -155,7 +160,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                 super().send_goal(goal, done_cb, active_cb, feedback_cb)
                 machine = self.gh.comm_state_machine
                 machine.__class__ = _Goal
-                machine.begin()
+                machine.begin(self.action_client.result_sub.resolved_name)
             except Exception as error:  # SerializationError of its fields, AttributeError of a message of another kind
                 # Without it, what is written of it stays in rospy's buffer, and spoils the next goal.
                 clear(self.action_client.pub_goal)
@@ -252,11 +257,11 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         and never if that raises. A goal that is not tracked any more needs no error; neither does its feedback."""
         goal, state = gh.comm_state_machine, gh.get_comm_state()
         if state in (CommState.ACTIVE, CommState.PREEMPTING) and self.__reaches(goal, SimpleGoalState.ACTIVE):
-            _call(goal.active_cb)
+            goal.call(goal.active_cb)
         elif state == CommState.DONE and self.__reaches(goal, SimpleGoalState.DONE):
             if gh.get_goal_status() == GoalStatus.SUCCEEDED:
                 shutdown.unfinished.discard(goal)
-            _call(goal.done_cb, gh.get_goal_status(), gh.get_result())
+            goal.call(goal.done_cb, gh.get_goal_status(), gh.get_result())
             with self.done_condition, self.action_client.manager.list_mutex:
                 goal.is_over = True
                 if (self.__goal() or goal) is goal:  # or else done_cb has sent the next one
@@ -306,8 +311,12 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         status = self.action_client.last_status_msg
         if status:  # none yet, for a second try after a time-out
             self.__server = status._connection_header["callerid"]
+        # The master may be gone, or know the server no longer: our connection has its address, too.
+        topic = self.action_client.status_sub.impl  # None if the client was stopped
+        uri = next((one.endpoint_id for one in topic and topic.connections or ()
+                    if one.callerid_pub == self.__server), None)
         try:
-            return bool(self.__server and ask_node(self.__server, "getPid"))
+            return bool(self.__server and (ask(uri, "getPid") if uri else ask_node(self.__server, "getPid")))
         except NO_ANSWER:
             return False
 
@@ -328,7 +337,8 @@ class _Goal(CommStateMachine):
     """What the library knows of a goal that was sent, and what we know of it: what was made a CommStateMachine, for the
     library knows no other class, becomes one of these before any answer gets to it."""
 
-    def begin(self) -> None:
+    def begin(self, topic: str) -> None:
+        self.topic = topic  # of its result
         self.send_cancel = self.__dict__.pop("send_cancel_fn")
         self.simple_state = SimpleGoalState.PENDING
         self.is_over = False  # DONE, and done_cb has run
@@ -343,14 +353,18 @@ class _Goal(CommStateMachine):
 
     def look(self, seconds: float) -> bool:
         """Returns whether the server has spoken since the last look, so many seconds ago, but not of this goal."""
-        mentioned, passed_over = self.mentioned, self.passed_over
+        at_work = not self.mutex.acquire(blocking=False)  # a callback of the program's: statuses wait for its end
+        if not at_work:
+            self.mutex.release()
+        mentioned, passed_over = self.mentioned or at_work, self.passed_over
         self.mentioned = self.passed_over = False
         if mentioned:
             self.silence = self.ignored = 0.0
             return False
         self.silence += seconds
         # Without it, a goal that waited for a busy server is lost in the moment in which that speaks again.
-        self.ignored += seconds if passed_over else 0
+        # While a callback runs, of another client's goal, too, the result may wait behind it.
+        self.ignored += seconds if passed_over and self.topic not in _running else 0
         return passed_over
 
     def send_again(self) -> None:
@@ -395,7 +409,20 @@ class _Goal(CommStateMachine):
         """Without it, the last feedback is dropped if the one before takes its callback longer than the result takes
         to come."""
         if self.action_goal.goal_id.id == action_feedback.status.goal_id.id:
+            self.mentioned = True  # a server that works in its goal callback sends no status meanwhile
             self.feedback_cb(actionlib.ClientGoalHandle(self), action_feedback.feedback)
+
+    def call(self, callback: Optional[Callable], *args: Any) -> None:
+        """Call a callback of the user's. Without it, one that raises takes along what the library has to do after
+        it."""
+        _running.append(self.topic)
+        try:
+            if callback:
+                callback(*args)
+        except BaseException:  # sys.exit would end the thread that brings the answers
+            log.failed("the callback %s" % getattr(callback, "__name__", callback))
+        finally:
+            _running.remove(self.topic)
 
     def transition_to(self, state: int) -> None:
         if self.state != CommState.DONE:  # a cancel after the end changes nothing
@@ -407,15 +434,6 @@ class _Goal(CommStateMachine):
         if self.is_known:
             self.why = "the server no longer knows the goal"
             super()._mark_as_lost()
-
-
-def _call(callback: Optional[Callable], *args: Any) -> None:
-    """Call a callback of the user's. Without it, one that raises takes along what the library has to do after it."""
-    try:
-        if callback:
-            callback(*args)
-    except BaseException:  # sys.exit would end the thread that brings the answers
-        log.failed("the callback %s" % getattr(callback, "__name__", callback))
 
 
 def _duration(timeout: Seconds) -> genpy.Duration:

@@ -140,8 +140,9 @@ def asking(question):
         mine = thread
         if not mine:
             answer, error = False, None
-            mine = thread = threading.Thread(target=ask, daemon=True)
+            mine = threading.Thread(target=ask, daemon=True)
             mine.start()
+            thread = mine  # not before: another thread that calls this cannot join one that has not started
         mine.join(0.02)
         if mine.is_alive():
             return False
