@@ -14,10 +14,10 @@ from actions_tutorial import robust  # this package's library; first, or an earl
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
 import rospy
 
-PARAMETERS = {  # (default, lowest, highest); the default also sets the type; None: no limit
+PARAMETERS = {  # (default, lowest, highest); the default also sets the type
     "~number_of_minutes": (7, -2147483648, 2147483647),  # an int32; below 0, too: see how the server aborts it
-    "~server_timeout": (0.0, 0.0, None),
-    "~heartbeat_timeout": (5.0, 0.1, None),
+    "~server_timeout": (0.0, 0.0, 1e9),
+    "~heartbeat_timeout": (5.0, 0.1, 1e9),
 }
 
 

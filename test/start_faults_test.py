@@ -80,6 +80,7 @@ class StartFaults(unittest.TestCase):
                 ("_number_of_minutes:=-2147483649", "~number_of_minutes is -2147483649"),
                 ("_number_of_minutes:='7'", "~number_of_minutes is '7'"),
                 ("_server_timeout:=-1", "~server_timeout is -1, must be a number from 0"),
+                ("_server_timeout:=2147483648", "~server_timeout is 2147483648, must be"),  # which no master takes
                 ("_heartbeat_timeout:=0", "~heartbeat_timeout is 0, must be a number from 0.1"),
                 ("_heartbeat_timeout:=.nan", "~heartbeat_timeout is nan")):
             self.refused(master.node("action_client.py", argument), 2, words)

@@ -2,6 +2,7 @@
 """What robust uses of rospy and actionlib without their documenting it, checked when a node starts."""
 import http.client
 import threading
+import xml.parsers.expat
 import xmlrpc.client
 
 import rosgraph
@@ -10,7 +11,7 @@ from actionlib_msgs.msg import GoalStatus
 
 TESTED = {"rospy": "1.15.9 to 1.17.4", "actionlib": "1.13.2 to 1.14.3"}
 # Of a master or a node that is asked:
-NO_ANSWER = OSError, http.client.HTTPException, xmlrpc.client.Error
+NO_ANSWER = OSError, http.client.HTTPException, xmlrpc.client.Error, xml.parsers.expat.ExpatError
 
 
 class CannotStart(rospy.ROSInitException, SystemExit):
