@@ -89,7 +89,7 @@ class Units(unittest.TestCase):
 
     def test_default_counts_where_the_command_line_gives_another_or_none(self):
         for default in 7, 0.5, "text", True, [1], {"a": 1}, None, (1, 2):
-            with arguments("_other:=3", "n:=4", "__n:=5"):
+            with arguments("_other:=3", "n:=4", "__n:=5", "an:=6"):
                 self.assertEqual(default, robust.get_param("~n", default))
 
     def test_wrong_parameter_is_a_value_error_that_names_it_its_value_and_what_is_allowed(self):
@@ -100,6 +100,7 @@ class Units(unittest.TestCase):
                 ("1", [], {}, "is 1, must be a list"), ("[1]", {}, {}, r"is \[1\], must be a dictionary"),
                 ("[", 7, {}, r"is '\[', must be a whole number"), (".nan", 0.5, {"lowest": 0}, "is nan, must be "),
                 ("[1]", 7, {}, r"is \[1\], must be a whole number"), (".inf", 0.5, {"lowest": 0}, "is inf, must be "),
+                ("-.inf", 0.5, {"highest": 9}, "is -inf, must be "),
                 ("soon", 0.5, {}, "is 'soon', must be a number"), ("false", 0.5, {}, "is False, must be a number"),
                 ("-1", 7, {"lowest": 0}, "is -1, must be a whole number from 0$"),
                 ("3", 0.5, {"highest": 1.5}, "is 3, must be a number to 1.5$"),
@@ -124,7 +125,7 @@ class Units(unittest.TestCase):
             self.assertEqual(1, said.getvalue().count("\n"), said.getvalue())
 
     def test_master_uri_that_is_none_is_named(self):
-        for uri in "localhost:11311", "http://", "http://localhost", "http://localhost:port", "https://localhost:1":
+        for uri in "localhost:11311", "http://", "http://localhost", "http://localhost:port", "http://:1", "https://localhost:1":
             with mock.patch.dict("os.environ", ROS_MASTER_URI=uri), arguments(), self.assertRaisesRegex(
                     rospy.ROSInitException, "^ROS_MASTER_URI is '%s', must be like http://localhost:11311$" % uri):
                 robust.init_node("node")
@@ -197,6 +198,8 @@ class Units(unittest.TestCase):
             warnings.simplefilter("always")
             robust.init_node("a/b")
         self.assertEqual([], said)  # of files that stay open
+        with arguments("--help"), contextlib.redirect_stdout(io.StringIO()), self.assertRaises(SystemExit):
+            robust.init_node("node", usage="how to")
         self.assertEqual((before, added.mock_calls, 0), (process(), removed.mock_calls, len(shutdown.unfinished)))
         eventually(lambda: not any(isinstance(one, shutdown.Closer) for one in threading.enumerate()), "its end")
 
@@ -349,6 +352,17 @@ class Units(unittest.TestCase):
             robust.SimpleActionClient._SimpleActionClient__watch(watched)
         self.assertEqual(([], 1), (busy.lose.mock_calls, lives.call_count))
 
+    def test_second_try_after_a_time_out_asks_the_server_of_the_first_and_nobody_if_there_was_none(self):
+        for name in "/server", "":
+            watched = mock.Mock(_SimpleActionClient__server=name)
+            watched.action_client.last_status_msg = None
+            with mock.patch.object(client, "ask_node", return_value=1) as asked:
+                lives = robust.SimpleActionClient._SimpleActionClient__server_lives(watched)
+            self.assertEqual((bool(name), bool(name)), (lives, asked.called))
+
+    def test_feedback_that_nobody_wants_is_no_error(self):
+        robust.SimpleActionClient._handle_feedback(mock.MagicMock(feedback_cb=None), mock.Mock(), None)
+
     def test_state_that_is_none_has_its_number_for_a_name(self):
         self.assertEqual(["LOST", "42"], list(map(internals.name_of, (GoalStatus.LOST, 42))))
 
@@ -382,8 +396,14 @@ class Units(unittest.TestCase):
             connections = [(1, rospy.get_name(), "o", "TCPROS", "/result"), (2, peer, "o", "TCPROS", "/feedback")]
             with mock.patch.object(client, "ask_node", return_value=connections):
                 self.assertEqual(peer != "elsewhere", robust.SimpleActionClient._SimpleActionClient__ask_server(asked))
+        for registered, connects in (time.monotonic(), False), (0, True):  # when nothing is heard of its connections
+            asked._SimpleActionClient__registered = registered
+            with mock.patch.object(client, "ask_node", return_value=[]):
+                self.assertEqual(connects, robust.SimpleActionClient._SimpleActionClient__ask_server(asked))
         asked.action_client.last_status_msg = None  # since the watcher gave the server up
         self.assertFalse(robust.SimpleActionClient._SimpleActionClient__ask_server(asked))
+        robust.SimpleActionClient.wait_for_server(asked, -1)
+        asked._SimpleActionClient__is_connected.assert_not_called()  # a question costs a thread
 
     def goal_and_result(self, told, send_cancel=None):
         """Returns a goal that calls these functions with its handle and with a cancel, and its result, SUCCEEDED."""
@@ -460,10 +480,13 @@ class Units(unittest.TestCase):
     def test_socket_that_accepts_peers_waits_for_them_whatever_the_default_time_out(self):
         self.assertTrue(os.get_blocking(self.peers_server()[0].server_sock.fileno()))
 
-    def test_thread_that_stands_in_for_rospys_ends_with_the_socket(self):
-        before = set(threading.enumerate())
-        self.peers_server()[0].shutdown()
-        eventually(lambda: len(set(threading.enumerate()) - before) == 1, "no thread but rospy's own")
+    def test_thread_that_stands_in_for_rospys_ends_with_the_socket_and_when_that_one_accepts(self):
+        for end in (lambda server, _: server.shutdown()), (lambda _, connect: connect().close()):
+            before = set(threading.enumerate())
+            with mock.patch.object(threading, "excepthook") as complaint:
+                end(*self.peers_server())
+                eventually(lambda: len(set(threading.enumerate()) - before) == 1, "no thread but rospy's own")
+            complaint.assert_not_called()
 
     def test_peers_are_accepted_in_their_order(self):
         server, connect = self.peers_server()
@@ -517,9 +540,10 @@ class Units(unittest.TestCase):
         registration.get_registration_listeners().add_listener(listener)
         self.addCleanup(registration.get_registration_listeners().listeners.remove, listener)
         peers.serve_all_peers()
-        for uris in ["uri", "other"], []:
+        listener.publisher_update("another", ["uri"])
+        for uris in ["uri", "other"], ["uri"], []:
             listener.publisher_update("topic", uris)
-        self.assertEqual([("topic", ["uri", "other"])], listener.updates)
+        self.assertEqual([("another", ["uri"]), ("topic", ["uri", "other"])], listener.updates)
 
     def test_peer_that_waits_for_another_in_vain_leaves_the_lock_to_that(self):
         once = iter([lambda: connect("topic", "uri")])
