@@ -125,7 +125,8 @@ class Units(unittest.TestCase):
             self.assertEqual(1, said.getvalue().count("\n"), said.getvalue())
 
     def test_master_uri_that_is_none_is_named(self):
-        for uri in "localhost:11311", "http://", "http://localhost", "http://localhost:port", "http://:1", "https://localhost:1":
+        for uri in "localhost:11311", "http://", "http://localhost", "http://localhost:port", "http://:1", \
+                "https://localhost:1":
             with mock.patch.dict("os.environ", ROS_MASTER_URI=uri), arguments(), self.assertRaisesRegex(
                     rospy.ROSInitException, "^ROS_MASTER_URI is '%s', must be like http://localhost:11311$" % uri):
                 robust.init_node("node")
@@ -481,7 +482,7 @@ class Units(unittest.TestCase):
         self.assertTrue(os.get_blocking(self.peers_server()[0].server_sock.fileno()))
 
     def test_thread_that_stands_in_for_rospys_ends_with_the_socket_and_when_that_one_accepts(self):
-        for end in (lambda server, _: server.shutdown()), (lambda _, connect: connect().close()):
+        for end in (lambda one, _: one.shutdown()), (lambda _, connect: connect().close()):
             before = set(threading.enumerate())
             with mock.patch.object(threading, "excepthook") as complaint:
                 end(*self.peers_server())
