@@ -175,6 +175,8 @@ class Units(unittest.TestCase):
     def test_get_param_in_rospys_place_takes_any_number(self):
         with mock.patch.object(rospy, "get_param", robust.get_param), arguments("_n:=0.5"):
             self.assertEqual(0.5, rospy.get_param("~n", 7))
+            with self.assertRaisesRegex(ValueError, "must be true or false"):
+                rospy.get_param("~n", True)
 
     def test_import_touches_no_signal_where_ctrl_c_is_not_pythons_own_or_others_may_be_using_it(self):
         for before, how in (("signal.signal(signal.SIGINT, print)", "load()"), ("sys.ps1 = ''", "load()"),
@@ -248,31 +250,77 @@ class Units(unittest.TestCase):
     def test_lines_on_goals_stand_before_later_ones_and_each_line_says_what_was_so_when_it_was_logged(self):
         said, words, caller = self.logged(), ["then"], mock.Mock()
         log._soon.extend(functools.partial(str, number) for number in range(1000))
-        rospy.loginfo("later")
+        rospy.loginfo("later,\nin two lines")
         log._write_later(caller, lambda line: said.append(line.getMessage()), record("%s", words))
         words[:] = ["now"]
         caller.call.call_args[0][0]()
-        self.assertEqual([*map(str, range(1000)), "later", "['then']"], said)
+        self.assertEqual([*map(str, range(1000)), "later,\nin two lines", "['then']"], said)
 
     def test_line_on_a_goal_is_shown_at_once_as_the_library_would_and_logged_later(self):
         said, (ours, theirs) = self.logged(), (io.StringIO(), io.StringIO())
         terminal = RosStreamHandler(stdout=ours)
         with mock.patch.object(log, "_taken", [terminal]):
-            log.soon(lambda: "a bowl")
+            for line in "a bowl", "a cup":
+                log.soon(functools.partial(str, line))
             for _ in range(2):
                 log.show()
-            self.assertEqual([], said)
+            self.assertEqual(([], ["a bowl", "a cup"]), (said, [line() for line in log._soon]))
             log.catch_up()
             log.soon(lambda: "x" * 5000)  # for which a pipe may have no room
             log.show()
             log.catch_up()
             eventually(lambda: said and not log._terminal.unfinished_tasks, "the long line")
-            with mock.patch.dict("os.environ", ROSCONSOLE_FORMAT="mine"):
-                log.soon(lambda: "a plate")
-                log.show()
-        RosStreamHandler(stdout=theirs).emit(record("a bowl"))
+            for number, other in enumerate((
+                    mock.patch.dict("os.environ", ROSCONSOLE_FORMAT="mine"), mock.patch.object(terminal, "level", 30),
+                    mock.patch.object(rospy.rostime, "is_wallclock", return_value=False),
+                    mock.patch.object(log, "_terminal", mock.Mock(unfinished_tasks=1, call=lambda write: write())))):
+                with other:
+                    log.soon(lambda: "a plate")
+                    log.show()
+                self.assertEqual(number + 2, len(said), [one[:9] for one in said])
+            logging.getLogger("rosout").setLevel(logging.WARNING)
+            log.soon(lambda: "a spoon")
+            log.show()
+        for line in "a bowl", "a cup":
+            RosStreamHandler(stdout=theirs).emit(record(line))
         self.assertEqual(*(re.sub(r"\d+", "0", stream.getvalue()) for stream in (ours, theirs)))
-        self.assertEqual(["x" * 5000, "a plate"], said)
+        self.assertEqual(["x" * 5000] + ["a plate"] * 4, said)
+
+    def test_line_waits_for_the_stream_that_it_goes_to_and_where_none_can_be_asked_for_none(self):
+        handler, write = mock.Mock(_stdout="takes a line", _stderr="is stopped"), mock.Mock()
+        with mock.patch.object(log, "_takes_a_line", handler._stdout.__eq__), \
+                mock.patch.object(log, "_write_later") as later:
+            for level, calls in (logging.INFO, (1, 0)), (logging.WARNING, (1, 1)):
+                line = record("a bowl")
+                line.levelno = level
+                log._write_at_once(handler, write, line)
+                self.assertEqual(calls, (write.call_count, later.call_count))
+        for error in AttributeError, OSError, ValueError:
+            self.assertTrue(log._takes_a_line(mock.Mock(fileno=mock.Mock(side_effect=error))))
+
+    def test_complaint_of_the_log_that_nobody_can_be_told_is_no_error(self):
+        for stderr in None, mock.Mock(write=mock.Mock(side_effect=OSError)):
+            with mock.patch.object(sys, "stderr", stderr):
+                log._say_once(mock.Mock(), [], None)
+
+    def test_log_s_own_stream_has_the_encoding_of_stdout_and_leaves_it_open(self):
+        with mock.patch.object(sys, "__stdout__", io.TextIOWrapper(io.BytesIO(), "latin-1")):
+            own = log._own(sys.__stdout__)
+        self.assertEqual(("latin-1", "backslashreplace", True), (own.encoding, own.errors, own.line_buffering))
+        own.close()
+        os.fstat(1)
+
+    def test_fork_waits_for_a_disk_that_hangs_for_a_moment_only_and_the_log_goes_on(self):
+        begun, hangs, goes_on = threading.Event(), threading.Event(), threading.Event()
+        log._others.call(lambda: begun.set() or hangs.wait(30))
+        self.assertTrue(begun.wait(30))
+        before = time.monotonic()
+        log.pause()
+        log.go_on()
+        self.assertLess(time.monotonic() - before, 20)
+        hangs.set()
+        log._others.call(goes_on.set)
+        self.assertTrue(goes_on.wait(30))
 
     def test_flush_waits_for_the_lines_so_far_and_the_end_of_a_node_flushes(self):
         said = self.logged()
