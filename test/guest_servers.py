@@ -211,7 +211,8 @@ WAYS = {
     "text_that_no_utf8_holds": (lambda one: one.set_succeeded(RESULT, "a \ud800 bowl"), SUCCEEDED, "^a .* bowl$", ""),
     "text_that_steers_terminals": (lambda one: one.set_succeeded(RESULT, "\x1b[2Jok\nfake"), SUCCEEDED, "ok", ""),
     "result_of_wrong_fields": (
-        lambda one: one.set_succeeded(WashTheDishesResult(["bowl-0" * 100, 1])), ABORTED, "(?i)result", r"\[ERROR.*cannot be sent"),
+        lambda one: one.set_succeeded(WashTheDishesResult(["bowl-0" * 100, 1])), ABORTED, "(?i)result",
+        r"\[ERROR.*cannot be sent"),
     "result_that_no_utf8_holds": (
         lambda one: one.set_succeeded(WashTheDishesResult(["\ud800"])), ABORTED, "(?i)result", ""),
     "result_of_another_class": (lambda one: one.set_succeeded(GoalID()), ABORTED, "(?i)result", ""),

@@ -236,6 +236,20 @@ class Units(unittest.TestCase):
         with self.assertRaises(xmlrpc.client.ProtocolError):
             internals.impatient_proxy("http://localhost:1").getPid("/node")
 
+    def test_node_that_answers_in_another_protocol_gives_no_answer(self):
+        def answer():
+            peer, _ = other.accept()
+            with peer:
+                asked = b""
+                while b"</methodCall>" not in asked:
+                    asked += peer.recv(1000)
+                peer.sendall(b"?\r\n")
+
+        with socket.create_server(("localhost", 0)) as other, ThreadPoolExecutor(1) as thread:
+            thread.submit(answer)
+            with self.assertRaises(internals.NO_ANSWER):
+                internals.ask("http://localhost:%d" % other.getsockname()[1], "getPid", timeout=30)
+
     def logged(self):
         """Returns a list to which each line of rospy's log is added."""
         said, handler = [], logging.Handler()
