@@ -18,6 +18,7 @@ import threading
 import time
 import unittest
 import warnings
+import weakref
 import xmlrpc.client
 from concurrent.futures import ThreadPoolExecutor
 from unittest import mock
@@ -213,6 +214,12 @@ class Units(unittest.TestCase):
             signal.raise_signal(signal.SIGTERM)
         complaint.assert_not_called()
 
+    def test_signal_whose_handler_was_none_of_pythons_gets_the_systems_and_one_that_was_not_heeded_keeps_its_own(self):
+        with closer() as one:
+            one._before[signal.SIGTERM] = None
+        shutdown.Closer().give_up()
+        self.assertEqual(signal.SIG_DFL, signal.getsignal(signal.SIGTERM))
+
     def test_goals_end_also_where_no_thread_can_be_had_and_those_of_forgotten_servers_are_forgotten(self):
         class Server:
             def end(self, deadline):
@@ -225,6 +232,7 @@ class Units(unittest.TestCase):
                 shutdown.at_end(Server().end)
             shutdown.at_end(server.end)
             self.assertEqual(1, len(shutdown._endings))
+            shutdown._endings.append(weakref.WeakMethod(Server().end))  # forgotten since
             shutdown._end_all_goals()
         self.assertEqual([server], ended)
 
