@@ -137,12 +137,12 @@ rospy.spin()
         for name in "TERM", "INT":
             for code, status in ("None", 0), ("sys.exit(3)", 3), ("signal.default_int_handler(2, None)", 0):
                 self.says(master, """
-signal.signal(signal.SIG{0}, lambda *_: [print("motors off", state()), {1}])
+signal.signal(signal.SIG{0}, lambda *_: [print("motors off", rospy.is_shutdown()), {1}])
 robust.init_node("guest")
 rospy.on_shutdown(lambda: print("hook", time.sleep(0.3)))
 send("{0}")
 so(rospy.is_shutdown, 30)
-""".format(name, code), "hook None", "motors off down", status=status, head=HEAD)
+""".format(name, code), "hook None", "motors off True", status=status, head=HEAD)
 
     def test_main_program_hears_of_ctrl_c_before_the_hooks_have_run(self, master):
         self.says(master, "heard = threading.Event()\nrospy.on_shutdown(lambda: print(heard.wait(1)))\nsend('INT')\n"
@@ -156,6 +156,11 @@ so(rospy.is_shutdown, 30)
     def test_signal_ends_the_node_though_the_wake_up_descriptor_of_the_program_is_closed(self, master):
         self.says(master, "read, write = os.pipe2(os.O_NONBLOCK)\nsignal.set_wakeup_fd(write)\n"
                           "robust.init_node('guest')\nos.close(write)\nsend('TERM')\nrospy.spin()", head=HEAD)
+
+    def test_wake_up_descriptor_of_the_program_hears_of_the_signal_and_of_nothing_else(self, master):
+        self.says(master, "read, write = os.pipe2(os.O_NONBLOCK)\nsignal.set_wakeup_fd(write)\n"
+                          "robust.init_node('guest')\nsend('TERM')\nrospy.spin()\nprint(*set(os.read(read, 9)))",
+                  str(int(signal.SIGTERM)), head=HEAD)
 
     def test_handlers_of_asyncio_and_of_the_node_do_not_take_signals_from_each_other(self, master):
         for head in HEAD, INIT:
@@ -264,6 +269,8 @@ for child, is_ready in (
         child.terminate()
     child.join(10)
     report(child.exitcode)
+rospy.logwarn("parent logs on")
+so(lambda: not robust.log._others.unfinished_tasks)
 done.set()
 client.wait_for_result(rospy.Duration(10))
 print(GoalStatus.to_string(client.get_state()))
@@ -272,6 +279,11 @@ rospy.signal_shutdown("done")
                          "-15 " + kept, "-15 " + kept, "SUCCEEDED")
         self.assertEqual(3, node.stderr.count("[WARN] child logs\n"), node)
         self.assertEqual(3, log_file(master).count("child logs"), node)
+        self.assertIn("parent logs on", log_file(master), node)
+
+    def test_child_that_is_forked_while_the_node_ends_has_no_part_in_that(self, master):
+        self.says(master, "send('TERM')\nso(rospy.core.is_shutdown_requested)\nif not os.fork():\n"
+                          "    robust.log.flush = print\n    sys.exit(3)\nprint(os.wait()[1] >> 8)", "3")
 
     def test_stubborn_node_ends_within_2_s_of_a_signal_of_many_and_of_rosnode_kill(self, master):
         stubborn = ("print('ready')\nwhile True:\n    time.sleep(1)",

@@ -214,6 +214,15 @@ class Units(unittest.TestCase):
             signal.raise_signal(signal.SIGTERM)
         complaint.assert_not_called()
 
+    def test_node_is_not_killed_any_more_when_its_end_has_come_in_time(self):
+        with mock.patch.object(os, "_exit") as killed, closer() as one:
+            one._deadline = time.monotonic() + 0.2
+            one.start()
+            eventually(one._ears.gettimeout, "a time-out", pause=0.001)
+            one._deadline = None
+            eventually(lambda: not one._ears.gettimeout(), "no time-out any more")
+        killed.assert_not_called()
+
     def test_signal_whose_handler_was_none_of_pythons_gets_the_systems_and_one_that_was_not_heeded_keeps_its_own(self):
         with closer() as one:
             one._before[signal.SIGTERM] = None
