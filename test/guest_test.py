@@ -280,6 +280,7 @@ rospy.signal_shutdown("done")
         self.assertEqual(3, node.stderr.count("[WARN] child logs\n"), node)
         self.assertEqual(3, log_file(master).count("child logs"), node)
         self.assertIn("parent logs on", log_file(master), node)
+        self.assertNotIn("cannot write to stdout", node.stderr, node)
 
     def test_child_that_is_forked_while_the_node_ends_has_no_part_in_that(self, master):
         self.says(master, "send('TERM')\nso(rospy.core.is_shutdown_requested)\nif not os.fork():\n"
