@@ -501,7 +501,7 @@ rospy.signal_shutdown("done")
 
     def test_lines_stand_in_the_order_in_which_they_were_printed_and_logged_and_all_are_in_the_log_file(self, master):
         node = program(master, """
-robust.shutdown.LOG_WITHIN = 20
+robust.shutdown.LOG_WITHIN, robust.log._others._pause = 20, 1  # s; the program's end comes sooner
 stdout = sys.stdout
 print("first")
 robust.init_node("guest")
