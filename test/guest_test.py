@@ -153,9 +153,12 @@ so(rospy.is_shutdown, 30)
         node.signal(signal.SIGTERM)
         self.ends(node, status=3)
 
-    def test_signal_ends_the_node_though_the_wake_up_descriptor_of_the_program_is_closed(self, master):
-        self.says(master, "read, write = os.pipe2(os.O_NONBLOCK)\nsignal.set_wakeup_fd(write)\n"
-                          "robust.init_node('guest')\nos.close(write)\nsend('TERM')\nrospy.spin()", head=HEAD)
+    def test_signal_ends_the_node_though_the_wake_up_descriptor_of_the_program_is_closed_or_anothers_by_now(self, master):
+        for code in "os.close(write)", "os.close(read)", "os.dup2(other[1], write)":
+            self.says(master, "other = os.pipe2(os.O_NONBLOCK)\nread, write = os.pipe2(os.O_NONBLOCK)\n"
+                              "signal.set_wakeup_fd(write)\nrobust.init_node('guest')\n%s\nsend('TERM')\n"
+                              "rospy.spin()\nprint(outcome(os.read, other[0], 9))" % code,
+                      "BlockingIOError(11, 'Resource temporarily unavailable')", head=HEAD)
 
     def test_wake_up_descriptor_of_the_program_hears_of_the_signal_and_of_nothing_else(self, master):
         self.says(master, "read, write = os.pipe2(os.O_NONBLOCK)\nsignal.set_wakeup_fd(write)\n"
