@@ -153,7 +153,7 @@ so(rospy.is_shutdown, 30)
         node.signal(signal.SIGTERM)
         self.ends(node, status=3)
 
-    def test_signal_ends_the_node_though_the_wake_up_descriptor_of_the_program_is_closed_or_anothers_by_now(self, master):
+    def test_signal_ends_the_node_though_the_wake_up_descriptor_is_closed_or_anothers_by_now(self, master):
         for code in "os.close(write)", "os.close(read)", "os.dup2(other[1], write)":
             self.says(master, "other = os.pipe2(os.O_NONBLOCK)\nread, write = os.pipe2(os.O_NONBLOCK)\n"
                               "signal.set_wakeup_fd(write)\nrobust.init_node('guest')\n%s\nsend('TERM')\n"

@@ -27,7 +27,7 @@ import actionlib
 import rospy
 import rosunit
 from actionlib.msg import TestActionGoal, TestActionResult
-from actionlib_msgs.msg import GoalStatus
+from actionlib_msgs.msg import GoalID, GoalStatus
 from rosgraph.network import encode_ros_handshake_header
 from rosgraph.roslogging import RosStreamHandler
 from rospy.impl import registration, tcpros_base
@@ -659,6 +659,14 @@ class Units(unittest.TestCase):
         condition = server._GoalCondition(asked)
         with condition:
             self.assertTrue(condition.wait(0.1))
+
+    def test_cancel_of_goals_up_to_a_time_on_a_clock_that_was_set_back_counts_at_once(self):
+        one = server._ActionServer.__new__(server._ActionServer)
+        one.lock, one.started, one.status_list, one._unshown, one._later = threading.RLock(), True, [], [], False
+        one.last_cancel = one._latest = rospy.Time(1000)
+        with mock.patch.object(rospy.Time, "now", return_value=rospy.Time(10)):
+            one.internal_cancel_callback(GoalID(stamp=rospy.Time(5)))
+        self.assertEqual(rospy.Time(5), one.last_cancel)
 
     def test_goal_that_is_recalled_while_the_loop_takes_it_up_is_not_executed(self):
         asked = mock.Mock()
