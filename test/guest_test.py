@@ -331,6 +331,9 @@ threading.Event().wait()
                 (up + "robust.init_node('guest')\n" + up, "up", "up"),
                 ("robust.shutdown.KILLED_AFTER = 0.1\nrobust.init_node('guest')\n"
                  "rospy.on_shutdown(lambda: [time.sleep(2), print('parked')])\n", "parked"),
+                ("robust.shutdown.CLOSED_WITHIN = robust.shutdown.KILLED_AFTER = 20\nrobust.init_node('guest')\n"
+                 "rospy.on_shutdown(lambda: [time.sleep(1), print('parked')])\nsend('TERM')\n"
+                 "so(rospy.core.is_shutdown_requested)\n", "parked"),
                 ("robust.init_node('guest')\nrospy.on_shutdown(threading.Event().wait)\n"
                  "threading.Thread(target=rospy.signal_shutdown, args=[''], daemon=True).start()\n"
                  "so(rospy.core.is_shutdown_requested)\ntime.sleep(1)\n",),

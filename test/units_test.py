@@ -227,6 +227,11 @@ class Units(unittest.TestCase):
         with closer() as one:
             one._before[signal.SIGTERM] = None
         shutdown.Closer().give_up()
+        with socket.socket() as program_s:
+            program_s.setblocking(False)
+            signal.set_wakeup_fd(program_s.fileno())
+            one._give_back()  # as in a child of a program whose start has failed
+            self.assertEqual(program_s.fileno(), signal.set_wakeup_fd(-1))
         self.assertEqual(signal.SIG_DFL, signal.getsignal(signal.SIGTERM))
 
     def test_goals_end_also_where_no_thread_can_be_had_and_those_of_forgotten_servers_are_forgotten(self):
