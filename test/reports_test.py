@@ -297,7 +297,7 @@ class Reports(NodeCase):
         self.assertFalse(raw.client.wait_for_result(rospy.Duration(0.2)))
         raw.result(newer)
         self.ends(raw)
-        self.assertEqual(([], []), (told.mock_calls, raw.fed), raw)
+        self.assertEqual(([], [], [(SUCCEEDED, bowls(1))]), (told.mock_calls, raw.fed, raw.done), raw)
 
     def test_answer_that_comes_before_send_goal_returns_is_heard(self, place):
         raw = place.meet()
