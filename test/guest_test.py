@@ -148,6 +148,17 @@ so(rospy.is_shutdown, 30)
         self.says(master, "heard = threading.Event()\nrospy.on_shutdown(lambda: print(heard.wait(1)))\nsend('INT')\n"
                           "so(rospy.core.is_shutdown_requested)\nheard.set()", "True")
 
+    def test_hooks_of_the_program_run_while_its_goals_end(self, master):
+        self.says(master, """
+server = robust.SimpleActionServer("work", TestAction, lambda _: so(lambda: False, 2), True)
+client = robust.SimpleActionClient("work", TestAction)
+client.wait_for_server()
+client.send_goal(TestGoal())
+so(server.is_active)
+rospy.on_shutdown(lambda: print(server.is_active()))
+rospy.signal_shutdown("done")
+""", "True")
+
     def test_main_program_in_pause_goes_on_when_the_node_is_down(self, master):
         node = ready(master, "print('ready')\nwhile not rospy.is_shutdown():\n    signal.pause()\nsys.exit(3)")
         node.signal(signal.SIGTERM)
