@@ -214,7 +214,7 @@ class Endings(NodeCase):
             before = (result - scene.feedback[goal_id][0].header.stamp).to_sec()
             self.assertGreater(before, 0.019, "s between feedback and result of %s" % server)
             after = (scene.shown(goal_id, SUCCEEDED) - result).to_sec()
-            self.assertTrue(head_start <= after < 5, "%.4f s after the result of %s" % (after, server))
+            self.assertTrue(head_start <= after < 1, "%.4f s after the result of %s" % (after, server))
             server.stop()
 
     def test_server_of_whatever_making_serves_one_goal_at_a_time_and_ends_without_a_word(self, scene):
