@@ -117,6 +117,7 @@ class Compatibility(unittest.TestCase):
                 self.action_client = actionlib.ActionClient(name, TestAction)
                 self.simple_state, self.gh, self.done_condition = SimpleGoalState.DONE, None, threading.Condition()
 
+        self.assertTrue(Own("by_subclass").wait_for_server(PATIENCE))
         client = Own("by_subclass")
         client.send_goal(TestGoal(0))
         self.ends(client, GoalStatus.SUCCEEDED)

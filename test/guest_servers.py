@@ -150,6 +150,12 @@ def feed_wrongly(server):
         server.set_succeeded(WashTheDishesResult(["bowl-0", "bowl-1"]), "raised")
 
 
+class Odd:
+    """A result that fails with words of its own."""
+
+    dishes_washed = property(lambda _: throw(ValueError("a \ud800 bowl")))
+
+
 # --- the servers ---
 
 def in_a_thread(server):
@@ -211,9 +217,11 @@ WAYS = {
     "text_that_no_utf8_holds": (lambda one: one.set_succeeded(RESULT, "a \ud800 bowl"), SUCCEEDED, "^a .* bowl$", ""),
     "text_that_steers_terminals": (lambda one: one.set_succeeded(RESULT, "\x1b[2Jok\nfake"), SUCCEEDED, "ok", ""),
     "result_of_wrong_fields": (
-        lambda one: one.set_succeeded(WashTheDishesResult([1])), ABORTED, "(?i)result", r"\[ERROR.*cannot be sent"),
+        lambda one: one.set_succeeded(WashTheDishesResult(["bowl-0" * 100, 1])), ABORTED, "(?i)result",
+        r"\[ERROR.*cannot be sent"),
     "result_that_no_utf8_holds": (
         lambda one: one.set_succeeded(WashTheDishesResult(["\ud800"])), ABORTED, "(?i)result", ""),
+    "result_whose_error_no_utf8_holds": (lambda one: one.set_succeeded(Odd()), ABORTED, "(?i)result", ""),
     "result_of_another_class": (lambda one: one.set_succeeded(GoalID()), ABORTED, "(?i)result", ""),
     "result_that_is_no_message": (lambda one: one.set_aborted("bowl-0"), ABORTED, "(?i)result", ""),
     "feedback_that_is_wrong": (feed_wrongly, SUCCEEDED, "^raised$", ""),

@@ -137,25 +137,44 @@ rospy.spin()
         for name in "TERM", "INT":
             for code, status in ("None", 0), ("sys.exit(3)", 3), ("signal.default_int_handler(2, None)", 0):
                 self.says(master, """
-signal.signal(signal.SIG{0}, lambda *_: [print("motors off", state()), {1}])
+signal.signal(signal.SIG{0}, lambda *_: [print("motors off", rospy.is_shutdown()), {1}])
 robust.init_node("guest")
 rospy.on_shutdown(lambda: print("hook", time.sleep(0.3)))
 send("{0}")
 so(rospy.is_shutdown, 30)
-""".format(name, code), "hook None", "motors off down", status=status, head=HEAD)
+""".format(name, code), "hook None", "motors off True", status=status, head=HEAD)
 
     def test_main_program_hears_of_ctrl_c_before_the_hooks_have_run(self, master):
         self.says(master, "heard = threading.Event()\nrospy.on_shutdown(lambda: print(heard.wait(1)))\nsend('INT')\n"
                           "so(rospy.core.is_shutdown_requested)\nheard.set()", "True")
+
+    def test_hooks_of_the_program_run_while_its_goals_end(self, master):
+        self.says(master, """
+server = robust.SimpleActionServer("work", TestAction, lambda _: so(lambda: False, 2), True)
+client = robust.SimpleActionClient("work", TestAction)
+client.wait_for_server()
+client.send_goal(TestGoal())
+so(server.is_active)
+rospy.on_shutdown(lambda: print(server.is_active()))
+rospy.signal_shutdown("done")
+""", "True")
 
     def test_main_program_in_pause_goes_on_when_the_node_is_down(self, master):
         node = ready(master, "print('ready')\nwhile not rospy.is_shutdown():\n    signal.pause()\nsys.exit(3)")
         node.signal(signal.SIGTERM)
         self.ends(node, status=3)
 
-    def test_signal_ends_the_node_though_the_wake_up_descriptor_of_the_program_is_closed(self, master):
+    def test_signal_ends_the_node_though_the_wake_up_descriptor_is_closed_or_anothers_by_now(self, master):
+        for code in "os.close(write)", "os.close(read)", "os.dup2(other[1], write)":
+            self.says(master, "other = os.pipe2(os.O_NONBLOCK)\nread, write = os.pipe2(os.O_NONBLOCK)\n"
+                              "signal.set_wakeup_fd(write)\nrobust.init_node('guest')\n%s\nsend('TERM')\n"
+                              "rospy.spin()\nprint(outcome(os.read, other[0], 9))" % code,
+                      "BlockingIOError(11, 'Resource temporarily unavailable')", head=HEAD)
+
+    def test_wake_up_descriptor_of_the_program_hears_of_the_signal_and_of_nothing_else(self, master):
         self.says(master, "read, write = os.pipe2(os.O_NONBLOCK)\nsignal.set_wakeup_fd(write)\n"
-                          "robust.init_node('guest')\nos.close(write)\nsend('TERM')\nrospy.spin()", head=HEAD)
+                          "robust.init_node('guest')\nsend('TERM')\nrospy.spin()\nprint(*set(os.read(read, 9)))",
+                  str(int(signal.SIGTERM)), head=HEAD)
 
     def test_handlers_of_asyncio_and_of_the_node_do_not_take_signals_from_each_other(self, master):
         for head in HEAD, INIT:
@@ -264,6 +283,8 @@ for child, is_ready in (
         child.terminate()
     child.join(10)
     report(child.exitcode)
+rospy.logwarn("parent logs on")
+so(lambda: not robust.log._others.unfinished_tasks)
 done.set()
 client.wait_for_result(rospy.Duration(10))
 print(GoalStatus.to_string(client.get_state()))
@@ -272,6 +293,12 @@ rospy.signal_shutdown("done")
                          "-15 " + kept, "-15 " + kept, "SUCCEEDED")
         self.assertEqual(3, node.stderr.count("[WARN] child logs\n"), node)
         self.assertEqual(3, log_file(master).count("child logs"), node)
+        self.assertIn("parent logs on", log_file(master), node)
+        self.assertNotIn("cannot write to stdout", node.stderr, node)
+
+    def test_child_that_is_forked_while_the_node_ends_has_no_part_in_that(self, master):
+        self.says(master, "send('TERM')\nso(rospy.core.is_shutdown_requested)\nif not os.fork():\n"
+                          "    robust.log.flush = print\n    sys.exit(3)\nprint(os.wait()[1] >> 8)", "3")
 
     def test_child_that_execute_cb_forks_ends_with_sys_exit(self, master):
         self.says(master, """
@@ -364,6 +391,9 @@ threading.Event().wait()
                 (up + "robust.init_node('guest')\n" + up, "up", "up"),
                 ("robust.shutdown.KILLED_AFTER = 0.1\nrobust.init_node('guest')\n"
                  "rospy.on_shutdown(lambda: [time.sleep(2), print('parked')])\n", "parked"),
+                ("robust.shutdown.CLOSED_WITHIN = robust.shutdown.KILLED_AFTER = 20\nrobust.init_node('guest')\n"
+                 "rospy.on_shutdown(lambda: [time.sleep(1), print('parked')])\nsend('TERM')\n"
+                 "so(rospy.core.is_shutdown_requested)\n", "parked"),
                 ("robust.init_node('guest')\nrospy.on_shutdown(threading.Event().wait)\n"
                  "threading.Thread(target=rospy.signal_shutdown, args=[''], daemon=True).start()\n"
                  "so(rospy.core.is_shutdown_requested)\ntime.sleep(1)\n",),
@@ -537,7 +567,7 @@ rospy.signal_shutdown("done")
 
     def test_lines_stand_in_the_order_in_which_they_were_printed_and_logged_and_all_are_in_the_log_file(self, master):
         node = program(master, """
-robust.shutdown.LOG_WITHIN = 20
+robust.shutdown.LOG_WITHIN, robust.log._others._pause = 20, 1  # s; the program's end comes sooner
 stdout = sys.stdout
 print("first")
 robust.init_node("guest")

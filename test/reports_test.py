@@ -140,6 +140,7 @@ class Reports(NodeCase):
             self.assertRegex(str(raw.client.get_failure()), "/raw.* 0.3 s")
             raw.publish(topic)
             self.assertTrue(raw.client.wait_for_server(PATIENCE), topic)
+            self.assertIsNone(raw.client.get_failure(), topic)
 
     def test_client_that_was_stopped_loses_its_goal_without_an_error_and_sends_none(self, place):
         raw = place.meet(heartbeat_timeout=0.5)
@@ -161,6 +162,9 @@ class Reports(NodeCase):
             begun = time.monotonic()
             self.assertFalse(raw.client.wait_for_result(timeout))
             self.assertGreater(time.monotonic() - begun, 0.15, timeout)
+        begun = time.monotonic()
+        self.assertFalse(any(raw.client.wait_for_result(0.001) for _ in range(100)))
+        self.assertLess(time.monotonic() - begun, 8, "s for 100 waits of a millisecond")
         raw.result(goal)
         for timeout in 30, 30.0, 0, rospy.Duration(30), rospy.Duration():
             self.assertTrue(raw.client.wait_for_result(timeout), timeout)
@@ -181,7 +185,9 @@ class Reports(NodeCase):
             self.assertTrue(inside.wait(30), raw)
             self.assertEqual(SUCCEEDED, raw.client.get_state())
             self.assertEqual(bowls(1), raw.client.get_result().dishes_washed)
+            begun = time.monotonic()
             self.assertFalse(raw.client.wait_for_result(rospy.Duration(0.5)), raw)
+            self.assertGreater(time.monotonic() - begun, 0.4, raw)
             self.assertFalse(any(one.done() for one in waits), raw)
             go_on.set()
             self.assertEqual([True, True], [one.result() for one in waits], raw)
@@ -291,7 +297,7 @@ class Reports(NodeCase):
         self.assertFalse(raw.client.wait_for_result(rospy.Duration(0.2)))
         raw.result(newer)
         self.ends(raw)
-        self.assertEqual(([], []), (told.mock_calls, raw.fed), raw)
+        self.assertEqual(([], [], [(SUCCEEDED, bowls(1))]), (told.mock_calls, raw.fed, raw.done), raw)
 
     def test_answer_that_comes_before_send_goal_returns_is_heard(self, place):
         raw = place.meet()

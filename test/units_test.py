@@ -18,6 +18,7 @@ import threading
 import time
 import unittest
 import warnings
+import weakref
 import xmlrpc.client
 from concurrent.futures import ThreadPoolExecutor
 from unittest import mock
@@ -26,7 +27,7 @@ import actionlib
 import rospy
 import rosunit
 from actionlib.msg import TestActionFeedback, TestActionGoal, TestActionResult
-from actionlib_msgs.msg import GoalStatus
+from actionlib_msgs.msg import GoalID, GoalStatus
 from rosgraph.network import encode_ros_handshake_header
 from rosgraph.roslogging import RosStreamHandler
 from rospy.impl import registration, tcpros_base
@@ -89,7 +90,7 @@ class Units(unittest.TestCase):
 
     def test_default_counts_where_the_command_line_gives_another_or_none(self):
         for default in 7, 0.5, "text", True, [1], {"a": 1}, None, (1, 2):
-            with arguments("_other:=3", "n:=4", "__n:=5"):
+            with arguments("_other:=3", "n:=4", "__n:=5", "an:=6"):
                 self.assertEqual(default, robust.get_param("~n", default))
 
     def test_wrong_parameter_is_a_value_error_that_names_it_its_value_and_what_is_allowed(self):
@@ -100,6 +101,7 @@ class Units(unittest.TestCase):
                 ("1", [], {}, "is 1, must be a list"), ("[1]", {}, {}, r"is \[1\], must be a dictionary"),
                 ("[", 7, {}, r"is '\[', must be a whole number"), (".nan", 0.5, {"lowest": 0}, "is nan, must be "),
                 ("[1]", 7, {}, r"is \[1\], must be a whole number"), (".inf", 0.5, {"lowest": 0}, "is inf, must be "),
+                ("-.inf", 0.5, {"highest": 9}, "is -inf, must be "),
                 ("soon", 0.5, {}, "is 'soon', must be a number"), ("false", 0.5, {}, "is False, must be a number"),
                 ("-1", 7, {"lowest": 0}, "is -1, must be a whole number from 0$"),
                 ("3", 0.5, {"highest": 1.5}, "is 3, must be a number to 1.5$"),
@@ -124,7 +126,8 @@ class Units(unittest.TestCase):
             self.assertEqual(1, said.getvalue().count("\n"), said.getvalue())
 
     def test_master_uri_that_is_none_is_named(self):
-        for uri in "localhost:11311", "http://", "http://localhost", "http://localhost:port", "https://localhost:1":
+        for uri in "localhost:11311", "http://", "http://localhost", "http://localhost:port", "http://:1", \
+                "https://localhost:1":
             with mock.patch.dict("os.environ", ROS_MASTER_URI=uri), arguments(), self.assertRaisesRegex(
                     rospy.ROSInitException, "^ROS_MASTER_URI is '%s', must be like http://localhost:11311$" % uri):
                 robust.init_node("node")
@@ -173,6 +176,8 @@ class Units(unittest.TestCase):
     def test_get_param_in_rospys_place_takes_any_number(self):
         with mock.patch.object(rospy, "get_param", robust.get_param), arguments("_n:=0.5"):
             self.assertEqual(0.5, rospy.get_param("~n", 7))
+            with self.assertRaisesRegex(ValueError, "must be true or false"):
+                rospy.get_param("~n", True)
 
     def test_import_touches_no_signal_where_ctrl_c_is_not_pythons_own_or_others_may_be_using_it(self):
         for before, how in (("signal.signal(signal.SIGINT, print)", "load()"), ("sys.ps1 = ''", "load()"),
@@ -197,6 +202,8 @@ class Units(unittest.TestCase):
             warnings.simplefilter("always")
             robust.init_node("a/b")
         self.assertEqual([], said)  # of files that stay open
+        with arguments("--help"), contextlib.redirect_stdout(io.StringIO()), self.assertRaises(SystemExit):
+            robust.init_node("node", usage="how to")
         self.assertEqual((before, added.mock_calls, 0), (process(), removed.mock_calls, len(shutdown.unfinished)))
         eventually(lambda: not any(isinstance(one, shutdown.Closer) for one in threading.enumerate()), "its end")
 
@@ -206,6 +213,26 @@ class Units(unittest.TestCase):
                 one.close()
             signal.raise_signal(signal.SIGTERM)
         complaint.assert_not_called()
+
+    def test_node_is_not_killed_any_more_when_its_end_has_come_in_time(self):
+        with mock.patch.object(os, "_exit") as killed, closer() as one:
+            one._deadline = time.monotonic() + 2
+            one.start()
+            eventually(one._ears.gettimeout, "a time-out", pause=0.001)
+            one._deadline = None
+            eventually(lambda: not one._ears.gettimeout(), "no time-out any more")
+        killed.assert_not_called()
+
+    def test_signal_whose_handler_was_none_of_pythons_gets_the_systems_and_one_that_was_not_heeded_keeps_its_own(self):
+        with closer() as one:
+            one._before[signal.SIGTERM] = None
+        shutdown.Closer().give_up()
+        with socket.socket() as program_s:
+            program_s.setblocking(False)
+            signal.set_wakeup_fd(program_s.fileno())
+            one._give_back()  # as in a child of a program whose start has failed
+            self.assertEqual(program_s.fileno(), signal.set_wakeup_fd(-1))
+        self.assertEqual(signal.SIG_DFL, signal.getsignal(signal.SIGTERM))
 
     def test_goals_end_also_where_no_thread_can_be_had_and_those_of_forgotten_servers_are_forgotten(self):
         class Server:
@@ -219,6 +246,7 @@ class Units(unittest.TestCase):
                 shutdown.at_end(Server().end)
             shutdown.at_end(server.end)
             self.assertEqual(1, len(shutdown._endings))
+            shutdown._endings.append(weakref.WeakMethod(Server().end))  # forgotten since
             shutdown._end_all_goals()
         self.assertEqual([server], ended)
 
@@ -229,6 +257,21 @@ class Units(unittest.TestCase):
     def test_master_that_nobody_reaches_is_an_error_that_rospy_expects(self):
         with self.assertRaises(xmlrpc.client.ProtocolError):
             internals.impatient_proxy("http://localhost:1").getPid("/node")
+
+    def test_whoever_answers_in_another_protocol_gives_no_answer(self):
+        def answer(said):
+            peer, _ = other.accept()
+            with peer:
+                asked = b""
+                while b"</methodCall>" not in asked:
+                    asked += peer.recv(1000)
+                peer.sendall(said)
+
+        with socket.create_server(("localhost", 0)) as other, ThreadPoolExecutor(1) as thread:
+            for said in b"?\r\n", b"HTTP/1.1 200 OK\r\nContent-Length: 17\r\n\r\n<html><br></html>":
+                thread.submit(answer, said)
+                with self.assertRaises(internals.NO_ANSWER):
+                    internals.ask("http://localhost:%d" % other.getsockname()[1], "getPid", timeout=30)
 
     def logged(self):
         """Returns a list to which each line of rospy's log is added."""
@@ -244,31 +287,77 @@ class Units(unittest.TestCase):
     def test_lines_on_goals_stand_before_later_ones_and_each_line_says_what_was_so_when_it_was_logged(self):
         said, words, caller = self.logged(), ["then"], mock.Mock()
         log._soon.extend(functools.partial(str, number) for number in range(1000))
-        rospy.loginfo("later")
+        rospy.loginfo("later,\nin two lines")
         log._write_later(caller, lambda line: said.append(line.getMessage()), record("%s", words))
         words[:] = ["now"]
         caller.call.call_args[0][0]()
-        self.assertEqual([*map(str, range(1000)), "later", "['then']"], said)
+        self.assertEqual([*map(str, range(1000)), "later,\nin two lines", "['then']"], said)
 
     def test_line_on_a_goal_is_shown_at_once_as_the_library_would_and_logged_later(self):
         said, (ours, theirs) = self.logged(), (io.StringIO(), io.StringIO())
         terminal = RosStreamHandler(stdout=ours)
         with mock.patch.object(log, "_taken", [terminal]):
-            log.soon(lambda: "a bowl")
+            for line in "a bowl", "a cup":
+                log.soon(functools.partial(str, line))
             for _ in range(2):
                 log.show()
-            self.assertEqual([], said)
+            self.assertEqual(([], ["a bowl", "a cup"]), (said, [line() for line in log._soon]))
             log.catch_up()
             log.soon(lambda: "x" * 5000)  # for which a pipe may have no room
             log.show()
             log.catch_up()
             eventually(lambda: said and not log._terminal.unfinished_tasks, "the long line")
-            with mock.patch.dict("os.environ", ROSCONSOLE_FORMAT="mine"):
-                log.soon(lambda: "a plate")
-                log.show()
-        RosStreamHandler(stdout=theirs).emit(record("a bowl"))
+            for number, other in enumerate((
+                    mock.patch.dict("os.environ", ROSCONSOLE_FORMAT="mine"), mock.patch.object(terminal, "level", 30),
+                    mock.patch.object(rospy.rostime, "is_wallclock", return_value=False),
+                    mock.patch.object(log, "_terminal", mock.Mock(unfinished_tasks=1, call=lambda write: write())))):
+                with other:
+                    log.soon(lambda: "a plate")
+                    log.show()
+                self.assertEqual(number + 2, len(said), [one[:9] for one in said])
+            logging.getLogger("rosout").setLevel(logging.WARNING)
+            log.soon(lambda: "a spoon")
+            log.show()
+        for line in "a bowl", "a cup":
+            RosStreamHandler(stdout=theirs).emit(record(line))
         self.assertEqual(*(re.sub(r"\d+", "0", stream.getvalue()) for stream in (ours, theirs)))
-        self.assertEqual(["x" * 5000, "a plate"], said)
+        self.assertEqual(["x" * 5000] + ["a plate"] * 4, said)
+
+    def test_line_waits_for_the_stream_that_it_goes_to_and_where_none_can_be_asked_for_none(self):
+        handler, write = mock.Mock(_stdout="takes a line", _stderr="is stopped"), mock.Mock()
+        with mock.patch.object(log, "_takes_a_line", handler._stdout.__eq__), \
+                mock.patch.object(log, "_write_later") as later:
+            for level, calls in (logging.INFO, (1, 0)), (logging.WARNING, (1, 1)):
+                line = record("a bowl")
+                line.levelno = level
+                log._write_at_once(handler, write, line)
+                self.assertEqual(calls, (write.call_count, later.call_count))
+        for error in AttributeError, OSError, ValueError:
+            self.assertTrue(log._takes_a_line(mock.Mock(fileno=mock.Mock(side_effect=error))))
+
+    def test_complaint_of_the_log_that_nobody_can_be_told_is_no_error(self):
+        for stderr in None, mock.Mock(write=mock.Mock(side_effect=OSError)):
+            with mock.patch.object(sys, "stderr", stderr):
+                log._say_once(mock.Mock(), [], None)
+
+    def test_log_s_own_stream_has_the_encoding_of_stdout_and_leaves_it_open(self):
+        with mock.patch.object(sys, "__stdout__", io.TextIOWrapper(io.BytesIO(), "latin-1")):
+            own = log._own(sys.__stdout__)
+        self.assertEqual(("latin-1", "backslashreplace", True), (own.encoding, own.errors, own.line_buffering))
+        own.close()
+        os.fstat(1)
+
+    def test_fork_waits_for_a_disk_that_hangs_for_a_moment_only_and_the_log_goes_on(self):
+        begun, hangs, goes_on = threading.Event(), threading.Event(), threading.Event()
+        log._others.call(lambda: begun.set() or hangs.wait(30))
+        self.assertTrue(begun.wait(30))
+        before = time.monotonic()
+        log.pause()
+        log.go_on()
+        self.assertLess(time.monotonic() - before, 20)
+        hangs.set()
+        log._others.call(goes_on.set)
+        self.assertTrue(goes_on.wait(30))
 
     def test_flush_waits_for_the_lines_so_far_and_the_end_of_a_node_flushes(self):
         said = self.logged()
@@ -373,6 +462,17 @@ class Units(unittest.TestCase):
             thread.submit(goal.look, 5).result()
         self.assertEqual(5, goal.silence)
 
+    def test_second_try_after_a_time_out_asks_the_server_of_the_first_and_nobody_if_there_was_none(self):
+        for name in "/server", "":
+            watched = mock.MagicMock(_SimpleActionClient__server=name)
+            watched.action_client.last_status_msg = None
+            with mock.patch.object(client, "ask_node", return_value=1) as asked:
+                lives = robust.SimpleActionClient._SimpleActionClient__server_lives(watched)
+            self.assertEqual((bool(name), bool(name)), (lives, asked.called))
+
+    def test_feedback_that_nobody_wants_is_no_error(self):
+        robust.SimpleActionClient._handle_feedback(mock.MagicMock(feedback_cb=None), mock.Mock(), None)
+
     def test_state_that_is_none_has_its_number_for_a_name(self):
         self.assertEqual(["LOST", "42"], list(map(internals.name_of, (GoalStatus.LOST, 42))))
 
@@ -406,8 +506,15 @@ class Units(unittest.TestCase):
             connections = [(1, rospy.get_name(), "o", "TCPROS", "/result"), (2, peer, "o", "TCPROS", "/feedback")]
             with mock.patch.object(client, "ask_node", return_value=connections):
                 self.assertEqual(peer != "elsewhere", robust.SimpleActionClient._SimpleActionClient__ask_server(asked))
+        for registered, connects in (time.monotonic(), False), (0, True):  # when nothing is heard of its connections
+            asked._SimpleActionClient__registered = registered
+            with mock.patch.object(client, "ask_node", return_value=[]):
+                self.assertEqual(connects, robust.SimpleActionClient._SimpleActionClient__ask_server(asked))
         asked.action_client.last_status_msg = None  # since the watcher gave the server up
         self.assertFalse(robust.SimpleActionClient._SimpleActionClient__ask_server(asked))
+        with mock.patch.object(rospy, "get_rostime"):
+            robust.SimpleActionClient.wait_for_server(asked, -1)
+        asked._SimpleActionClient__is_connected.assert_not_called()  # a question costs a thread
 
     def test_server_lives_if_its_node_answers_where_our_connection_goes_without_the_master_or_where_that_says(self):
         asked, header = mock.MagicMock(), {"callerid": "/server"}
@@ -513,10 +620,13 @@ class Units(unittest.TestCase):
     def test_socket_that_accepts_peers_waits_for_them_whatever_the_default_time_out(self):
         self.assertTrue(os.get_blocking(self.peers_server()[0].server_sock.fileno()))
 
-    def test_thread_that_stands_in_for_rospys_ends_with_the_socket(self):
-        before = set(threading.enumerate())
-        self.peers_server()[0].shutdown()
-        eventually(lambda: len(set(threading.enumerate()) - before) == 1, "no thread but rospy's own")
+    def test_thread_that_stands_in_for_rospys_ends_with_the_socket_and_when_that_one_accepts(self):
+        for end in (lambda one, _: one.shutdown()), (lambda _, connect: connect().close()):
+            before = set(threading.enumerate())
+            with mock.patch.object(threading, "excepthook") as complaint:
+                end(*self.peers_server())
+                eventually(lambda: len(set(threading.enumerate()) - before) == 1, "no thread but rospy's own")
+            complaint.assert_not_called()
 
     def test_peers_are_accepted_in_their_order(self):
         server, connect = self.peers_server()
@@ -570,9 +680,10 @@ class Units(unittest.TestCase):
         registration.get_registration_listeners().add_listener(listener)
         self.addCleanup(registration.get_registration_listeners().listeners.remove, listener)
         peers.serve_all_peers()
-        for uris in ["uri", "other"], []:
+        listener.publisher_update("another", ["uri"])
+        for uris in ["uri", "other"], ["uri"], []:
             listener.publisher_update("topic", uris)
-        self.assertEqual([("topic", ["uri", "other"])], listener.updates)
+        self.assertEqual([("another", ["uri"]), ("topic", ["uri", "other"])], listener.updates)
 
     def test_peer_that_waits_for_another_in_vain_leaves_the_lock_to_that(self):
         once = iter([lambda: connect("topic", "uri")])
@@ -608,6 +719,14 @@ class Units(unittest.TestCase):
         condition = server._GoalCondition(asked)
         with condition:
             self.assertTrue(condition.wait(0.1))
+
+    def test_cancel_of_goals_up_to_a_time_on_a_clock_that_was_set_back_counts_at_once(self):
+        one = server._ActionServer.__new__(server._ActionServer)
+        one.lock, one.started, one.status_list, one._unshown, one._later = threading.RLock(), True, [], [], False
+        one.last_cancel = one._latest = rospy.Time(1000)
+        with mock.patch.object(rospy.Time, "now", return_value=rospy.Time(10)):
+            one.internal_cancel_callback(GoalID(stamp=rospy.Time(5)))
+        self.assertEqual(rospy.Time(5), one.last_cancel)
 
     def test_goal_that_is_recalled_while_the_loop_takes_it_up_is_not_executed(self):
         asked = mock.Mock()

@@ -325,7 +325,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         with self.action_client.manager.list_mutex:  # either send_goal is running, or it sends nothing from now on
             self.__shutting_down = True
             goal = self.__goal()
-        if goal and goal.simple_state != SimpleGoalState.DONE:
+        if goal:
             goal.cancel()
             while goal.simple_state != SimpleGoalState.DONE and time.monotonic() < deadline:
                 time.sleep(0.01)

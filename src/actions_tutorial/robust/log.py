@@ -64,7 +64,7 @@ def show():
         return
     terminal = next((one for one in _taken if isinstance(one, RosStreamHandler)), None)
     if not terminal or "ROSCONSOLE_FORMAT" in os.environ or not rospy.rostime.is_wallclock() or \
-            not logging.getLogger("rosout").isEnabledFor(max(logging.INFO, terminal.level)) or \
+            not logging.getLogger("rosout").isEnabledFor(logging.INFO) or logging.INFO < terminal.level or \
             _terminal.unfinished_tasks or not _takes_a_line(terminal._stdout):
         return catch_up()
     for line in _taken_off():

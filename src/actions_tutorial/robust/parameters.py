@@ -62,8 +62,8 @@ def check_arguments(arguments, known):
     """Raises ValueError for one (str) that sets none of the known private parameters ([~NAME]) and is nothing that ROS
     knows. Without it, ROS takes a misspelt parameter, and `name:=3` for a topic that is renamed to 3."""
     for argument in arguments:
-        name, assigned, value = argument.partition(":=")
-        if not assigned or ":=" in value or not name or not value:
+        name, _, value = argument.partition(":=")
+        if ":=" in value or not name or not value:
             raise ValueError("unknown argument %r, must be --help or set one of the parameters %s, as in _%s:=VALUE" % (
                 argument, ", ".join(known), (known or ["~NAME"])[0][1:]))
         if name[0] == "_" and name[1:2] != "_" and "~" + name[1:] not in known:

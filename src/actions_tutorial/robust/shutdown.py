@@ -70,7 +70,7 @@ def _end_all_goals():
     def wait():
         for thread in threads:
             if thread.ident:
-                thread.join(max(0, deadline + SENT_WITHIN - time.monotonic()))
+                thread.join(deadline + SENT_WITHIN - time.monotonic())
         time.sleep(SENT_WITHIN)
 
     if threads:
@@ -214,7 +214,7 @@ class Closer(threading.Thread):
         alone = self not in unfinished and not self._begun and not self._deadline
         self.close(_END)
         begun = self._begun or time.monotonic()
-        self._closed.wait(None if alone else max(0, begun + CLOSED_WITHIN - time.monotonic()))
+        self._closed.wait(None if alone else begun + CLOSED_WITHIN - time.monotonic())
         self._deadline = None
         log.flush(LOG_WITHIN)
 
@@ -231,8 +231,6 @@ class Closer(threading.Thread):
         self._give_back()
         atexit.unregister(self._main_has_ended)
         atexit.unregister(rospy.core._ros_atexit)  # it would take the parent's topics off the master
-        self._ears.close()
-        self._mouth.close()
         log.give_back()
         stdout.give_back()
 
