@@ -264,11 +264,13 @@ if not child:
     speak()
     robust.log.flush = print  # as a node's end would do
     sys.exit(3 if signal.getsignal(signal.SIGHUP) is print else "no handler")
+sys.setswitchinterval(1000)  # s; else a thread that asks for its turn stops the next child, which has no threads
 report(os.waitpid(child, 0)[1] >> 8)
 child = ctypes.PyDLL(None).fork()  # Python's hooks do not hear of it, as in a child of subprocess before its exec
 if not child:
     signal.raise_signal(signal.SIGTERM)
     os._exit(4)
+sys.setswitchinterval(0.005)
 report(os.waitpid(child, 0)[1] >> 8)
 for child, is_ready in (
         (fork.Process(target=speak), None), (fork.Process(target=speak_in_vain), None),
@@ -624,7 +626,7 @@ print(sorted(buffer.getvalue().splitlines()))
 os.dup2(os.pipe()[1], 1)  # which nobody reads
 robust.init_node("guest")
 rss = psutil.Process().memory_info().rss
-for number in range(40000):
+for number in range(10000):
     rospy.loginfo("%5000d", number)
 sys.stderr.write("%d MiB more\\n" % ((psutil.Process().memory_info().rss - rss) >> 20))
 """, head=HEAD)
