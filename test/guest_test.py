@@ -299,8 +299,9 @@ rospy.signal_shutdown("done")
         self.assertNotIn("cannot write to stdout", node.stderr, node)
 
     def test_child_that_is_forked_while_the_node_ends_has_no_part_in_that(self, master):
-        self.says(master, "send('TERM')\nso(rospy.core.is_shutdown_requested)\nif not os.fork():\n"
-                          "    robust.log.flush = print\n    sys.exit(3)\nprint(os.wait()[1] >> 8)", "3")
+        self.says(master, "robust.shutdown.KILLED_AFTER = 30\nsend('TERM')\nso(rospy.core.is_shutdown_requested)\n"
+                          "if not os.fork():\n    robust.log.flush = print\n    sys.exit(3)\n"
+                          "print(os.wait()[1] >> 8)", "3")
 
     def test_child_that_execute_cb_forks_ends_with_sys_exit(self, master):
         self.says(master, """
