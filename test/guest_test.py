@@ -166,15 +166,27 @@ rospy.signal_shutdown("done")
 
     def test_signal_ends_the_node_though_the_wake_up_descriptor_is_closed_or_anothers_by_now(self, master):
         for code in "os.close(write)", "os.close(read)", "os.dup2(other[1], write)":
-            self.says(master, "other = os.pipe2(os.O_NONBLOCK)\nread, write = os.pipe2(os.O_NONBLOCK)\n"
-                              "signal.set_wakeup_fd(write)\nrobust.init_node('guest')\n%s\nsend('TERM')\n"
-                              "rospy.spin()\nprint(outcome(os.read, other[0], 9))" % code,
-                      "BlockingIOError(11, 'Resource temporarily unavailable')", head=HEAD)
+            self.says(master, """
+robust.shutdown.KILLED_AFTER = 30
+other, (read, write) = os.pipe2(os.O_NONBLOCK), os.pipe2(os.O_NONBLOCK)
+signal.set_wakeup_fd(write)
+robust.init_node("guest")
+%s
+send("TERM")
+rospy.spin()
+print(outcome(os.read, other[0], 9))
+""" % code, "BlockingIOError(11, 'Resource temporarily unavailable')", head=HEAD)
 
     def test_wake_up_descriptor_of_the_program_hears_of_the_signal_and_of_nothing_else(self, master):
-        self.says(master, "read, write = os.pipe2(os.O_NONBLOCK)\nsignal.set_wakeup_fd(write)\n"
-                          "robust.init_node('guest')\nsend('TERM')\nrospy.spin()\nprint(*set(os.read(read, 9)))",
-                  str(int(signal.SIGTERM)), head=HEAD)
+        self.says(master, """
+robust.shutdown.KILLED_AFTER = 30
+read, write = os.pipe2(os.O_NONBLOCK)
+signal.set_wakeup_fd(write)
+robust.init_node("guest")
+send("TERM")
+rospy.spin()
+print(*set(os.read(read, 9)))
+""", str(int(signal.SIGTERM)), head=HEAD)
 
     def test_handlers_of_asyncio_and_of_the_node_do_not_take_signals_from_each_other(self, master):
         for head in HEAD, INIT:
