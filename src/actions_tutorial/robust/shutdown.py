@@ -152,13 +152,12 @@ class Closer(threading.Thread):
             if self._file_before and _file(self._fd_before) == self._file_before:
                 with contextlib.suppress(OSError):  # whoever was there before hears of all signals
                     os.write(self._fd_before, bytes(number for number in told if number < _END))
-            if _END_IN_TIME in told or any(number in self._before and signal.getsignal(number) == self._heed
-                                           for number in told):
-                # Not at python's prompt, which goes on without the node.
-                if not self._deadline and not hasattr(sys, "ps1") and not sys.flags.interactive:
-                    self._deadline = time.monotonic() + KILLED_AFTER
-                aside(self._shut_down)
-            elif _END in told:
+            in_time = _END_IN_TIME in told or any(number in self._before and signal.getsignal(number) == self._heed
+                                                  for number in told)
+            # Not at python's prompt, which goes on without the node.
+            if in_time and not self._deadline and not hasattr(sys, "ps1") and not sys.flags.interactive:
+                self._deadline = time.monotonic() + KILLED_AFTER
+            if in_time or _END in told:
                 aside(self._shut_down)
 
     def _shut_down(self):
