@@ -130,7 +130,7 @@ class StartFaults(unittest.TestCase):
                 self.assertLessEqual(len(said), 1, "lines on stderr of %s" % node)
 
     def test_name_that_a_library_lacks_is_one_line_with_its_version(self, master):
-        for name, lacking in (("action_server.py", "actionlib.SimpleActionServer.executeLoop"),
+        for name, lacking in (("action_server.py", "actionlib.SimpleActionServer.internal_preempt_callback"),
                               ("action_server.py", "rospy.rostime.get_rostime_cond"),
                               ("action_client.py", "rospy.core.add_shutdown_hook")):
             library, *_, attribute = lacking.split(".")

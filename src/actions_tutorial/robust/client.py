@@ -74,16 +74,13 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         if self.__is_set_up:
             return
         self.__is_set_up = True
-        need("actionlib", self, "simple_state", "gh", "done_condition", "action_client", "_handle_transition",
-             "_handle_feedback")
-        need("actionlib", self.action_client, "manager", "pub_goal", "pub_cancel", "result_sub", "feedback_sub",
-             "status_sub", "last_status_msg")
-        need("rospy", self.action_client.status_sub.impl, "connections")
-        need("actionlib", self.action_client.manager, "list_mutex", "_generate_id")
+        need("actionlib", self, "simple_state", "gh", "done_condition", "_handle_transition", "_handle_feedback")
+        need("actionlib", self.action_client, "manager.list_mutex", "manager._generate_id", "pub_cancel", "result_sub",
+             "feedback_sub", "last_status_msg")
+        need("rospy", self.action_client, "pub_goal.impl.has_connection", "pub_goal.impl.buff",
+             "status_sub.impl.connections")
         need("actionlib", CommStateMachine, "update_status", "update_result", "update_feedback", "transition_to",
              "_mark_as_lost")
-        need("rospy", self.action_client.pub_goal, "impl")
-        need("rospy", self.action_client.pub_goal.impl, "has_connection", "buff")
         self.__heartbeat_timeout = heartbeat_timeout
         self.__is_connected = node.asking(self.__ask_server)
         self.__registered = time.monotonic()

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What robust uses of rospy and actionlib without their documenting it, checked when a node starts."""
 import http.client
+import operator
 import threading
 import xml.parsers.expat
 import xmlrpc.client
@@ -31,26 +32,26 @@ def cannot_start(text):
 
 def why(error):
     """Returns what to say (str, one line) of an error (Exception) of a start."""
-    need("rospy", rospy.core, "is_shutdown_requested")  # true before is_shutdown(): topics are closed in between
     text = repr(error) if isinstance(error, KeyError) else str(error)  # which says the key and no more
+    # is_shutdown() comes later: topics are closed in between.
     return "interrupted" if rospy.core.is_shutdown_requested() else " ".join(text.split())
 
 
 def need(library, owner, *names):
-    """Raises rospy.ROSInitException if owner, a part of library (a key of TESTED), lacks one of names (str): better
-    now than as a traceback some time later."""
+    """Raises rospy.ROSInitException if owner, a part of library (a key of TESTED), lacks one of names (str, also those
+    of parts of its parts): better now than as a traceback some time later."""
     for name in names:
-        if not hasattr(owner, name):
+        try:
+            operator.attrgetter(name)(owner)
+        except AttributeError:
             import importlib.metadata  # here, because it takes 1 MB
             raise cannot_start("%s %s has no %s.%s, which robust needs; it was tested with %s %s" % (
                 library, importlib.metadata.version(library), getattr(owner, "__name__", type(owner).__name__), name,
-                library, TESTED[library]))
+                library, TESTED[library])) from None
 
 
-def is_initialized():
-    """Returns whether rospy.init_node has done its work."""
-    need("rospy", rospy.core, "is_initialized")
-    return rospy.core.is_initialized()
+need("rospy", rospy.core, "is_initialized", "is_shutdown_requested", "add_shutdown_hook", "_ros_atexit",
+     "_xmlrpc_cache")
 
 
 def name_of(state):

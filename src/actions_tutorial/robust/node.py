@@ -14,7 +14,7 @@ import rosgraph
 import rospy
 
 from . import log, peers, stdout
-from .internals import CannotStart, cannot_start, is_initialized, need, why
+from .internals import CannotStart, cannot_start, need, why
 from .parameters import check_arguments, get_params
 from .shutdown import Closer
 
@@ -39,7 +39,7 @@ def init_node(name: str, argv: Optional[List[str]] = None, anonymous: bool = Fal
     arguments, parameters = (sys.argv if argv is None else argv)[1:], parameters or {}
     options = name, argv, anonymous, log_level, disable_rostime, disable_rosout
     ports = dict(xmlrpc_port=xmlrpc_port, tcpros_port=tcpros_port)
-    if is_initialized():
+    if rospy.core.is_initialized():
         _rospy_init_node(*options, disable_signals, **ports)
         return get_params(parameters)
 
@@ -47,8 +47,7 @@ def init_node(name: str, argv: Optional[List[str]] = None, anonymous: bool = Fal
     try:
         if not disable_signals:
             closer.heed_signals()  # from here on Ctrl-C is no traceback; it is obeyed when the checks are done
-        values = _check(name, arguments, usage, parameters)
-        uri = _check_surroundings(arguments)
+        values, uri = _check(name, arguments, usage, parameters)
     except BaseException:
         closer.give_up()
         raise
@@ -57,8 +56,7 @@ def init_node(name: str, argv: Optional[List[str]] = None, anonymous: bool = Fal
     closer.begin()
     try:
         _wait_for_master(uri, dict(zip(parameters, values)).get("~server_timeout", 0))
-        with _new_handlers_of_the_log() as handlers:
-            _start(options, ports)
+        handlers = _start(options, ports)
         # Now that rospy's pieces are there, they are mended.
         record = rospy.client._init_node_args
         rospy.client._init_node_args = record[:-1] + (disable_signals,)  # for a library that calls rospy.init_node, too
@@ -70,7 +68,7 @@ def init_node(name: str, argv: Optional[List[str]] = None, anonymous: bool = Fal
         with _exit_status_2():
             return get_params(parameters)
     except BaseException as error:
-        if not is_initialized():
+        if not rospy.core.is_initialized():
             closer.give_up()
         if isinstance(error, (CannotStart, ValueError)) or not isinstance(error, Exception):
             raise
@@ -94,7 +92,7 @@ def wait_for(what, is_there, timeout=0):
 
 
 def _check(name, arguments, usage, parameters):
-    """Returns the values of parameters. Refuses what can be refused without a master."""
+    """Returns the values of parameters and the master's URI. Refuses what can be refused without a master."""
     if not name or "/" in name:
         raise ValueError("namespaces are not allowed in node names" if name else "name must not be empty")
     if usage and {"-h", "--help"} & set(arguments):
@@ -103,11 +101,8 @@ def _check(name, arguments, usage, parameters):
     with _exit_status_2():
         if usage:
             check_arguments(arguments, list(parameters))
-        return get_params(parameters)
-
-
-def _check_surroundings(arguments):
-    """Returns the master's URI. Without it, what is wrong is said in words such as "too many values to unpack"."""
+        values = get_params(parameters)
+    # Without it, what is wrong is said in words such as "too many values to unpack".
     for argument in arguments:
         if argument.count(":=") > 1:
             raise cannot_start("the argument is %r, must be NAME:=VALUE" % argument)
@@ -119,7 +114,7 @@ def _check_surroundings(arguments):
         right = False
     if not right:
         raise cannot_start("ROS_MASTER_URI is %r, must be like http://localhost:11311" % uri)
-    return uri
+    return values, uri
 
 
 def asking(question):
@@ -163,6 +158,7 @@ def _wait_for_master(uri, timeout):
 
 
 def _start(options, ports):
+    """Returns the logging.Handlers that were added, without the program's own (ROS_PYTHON_LOG_CONFIG_FILE)."""
     need("rospy", rospy.client, "_init_node_args")
     for name, port in ports.items():
         peers.check_port(name, port)
@@ -170,23 +166,16 @@ def _start(options, ports):
     if "isAlive" in rospy.signal_shutdown.__code__.co_names and not hasattr(threading.Thread, "isAlive"):
         threading.Thread.isAlive = threading.Thread.is_alive
     peers.end_quietly()
-    _rospy_init_node(*options, True, **ports)
-
-
-@contextlib.contextmanager
-def _new_handlers_of_the_log():
-    """Gives a list that holds, at the end, the logging.Handlers that were added meanwhile, without the program's own
-    (ROS_PYTHON_LOG_CONFIG_FILE). What goes wrong with them is said later: without it, a disk that is full costs a
-    traceback for each line of log."""
     loggers = logging.getLogger(), logging.getLogger("rosout")
     before = [handler for logger in loggers for handler in logger.handlers]
-    complain, logging.raiseExceptions, new = logging.raiseExceptions, False, []
+    # What goes wrong with them is said later: without it, a disk that is full costs a traceback for each line of log.
+    complain, logging.raiseExceptions = logging.raiseExceptions, False
     try:
-        yield new
+        _rospy_init_node(*options, True, **ports)
     finally:
         logging.raiseExceptions = complain
-        new += [handler for logger in loggers for handler in logger.handlers if handler not in before
-                and type(handler).__module__.split(".")[0] in ("logging", "rosgraph", "rospy")]
+    return [handler for logger in loggers for handler in logger.handlers if handler not in before
+            and type(handler).__module__.split(".")[0] in ("logging", "rosgraph", "rospy")]
 
 
 @contextlib.contextmanager

@@ -9,8 +9,6 @@ from typing import Any, Optional
 import rospy
 import yaml
 
-from .internals import is_initialized
-
 _rospy_get_param = rospy.get_param  # a program may put ours in its place
 _UNSPECIFIED = object()
 _KINDS = {int: "a whole number", float: "a number", str: "a string", bool: "true or false", list: "a list",
@@ -28,7 +26,7 @@ def get_param(param_name: str, default: Any = _UNSPECIFIED, *, lowest: Optional[
     if default is _UNSPECIFIED:
         return _rospy_get_param(param_name)
     given = _from_command_line(param_name)
-    started = is_initialized()
+    started = rospy.core.is_initialized()
     own = param_name[:1] == "~"
     value = given.get(param_name, default) if own and not started else _rospy_get_param(param_name, default)
     kind = type(default)

@@ -31,7 +31,6 @@ def check_port(name, port):
     """Raises rospy.ROSInitException if the port (int; 0: any) that is called name (str) cannot be had. Without it,
     rospy waits for ever for the one for calls, and starts deaf without the one for peers."""
     if port:
-        need("rospy", tcpros_base, "TCPServer")
         try:
             tcpros_base.TCPServer(None, port).server_sock.close()
         except (OSError, OverflowError, TypeError) as error:
@@ -43,8 +42,7 @@ def serve_all_peers():
     _read_side_by_side()
     need("rospy", registration, "get_registration_listeners")
     for listener in registration.get_registration_listeners().listeners:
-        need("rospy", listener, "handler", "publisher_update", "updates", "cond")
-        need("rospy", listener.handler, "_connect_topic")
+        need("rospy", listener, "publisher_update", "updates", "cond", "handler._connect_topic")
         if not isinstance(listener.handler._connect_topic, _OneAtATime):
             listener.handler._connect_topic = _OneAtATime(listener.handler._connect_topic)
             listener.publisher_update = functools.partial(_update, listener, listener.publisher_update)
@@ -73,9 +71,8 @@ def _read_side_by_side():
     end_quietly()
     tcpros_base.start_tcpros_server()
     tcpros = tcpros_base.init_tcpros_server()  # the one that is there
-    need("rospy", tcpros, "tcp_ros_server", "topic_connection_handler")
+    need("rospy", tcpros, "topic_connection_handler", "tcp_ros_server.server_sock", "tcp_ros_server.inbound_handler")
     server, connect, turn = tcpros.tcp_ros_server, tcpros.topic_connection_handler, threading.Lock()
-    need("rospy", server, "server_sock", "inbound_handler")
     if getattr(connect, "func", None) is _in_turn:
         return
     handle, came = server.inbound_handler, threading.Event()

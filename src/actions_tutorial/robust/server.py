@@ -45,8 +45,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def __init__(self, name: str, ActionSpec: type, execute_cb: Optional[Callable[[Any], Any]] = None,
                  auto_start: bool = True) -> None:
         """Arguments as for actionlib.SimpleActionServer. Raises rospy.ROSInitException, as start() does."""
-        need("actionlib", actionlib.SimpleActionServer, "executeLoop", "internal_goal_callback",
-             "internal_preempt_callback", "__del__")
+        need("actionlib", actionlib.SimpleActionServer, "internal_goal_callback", "internal_preempt_callback",
+             "__del__")
         super().__init__(name, ActionSpec, auto_start=False)
         need("actionlib", self, "lock", "execute_callback", "execute_thread", "execute_condition", "action_server",
              "current_goal", "next_goal", "new_goal", "preempt_callback", "need_to_terminate")
@@ -58,10 +58,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         self.__name = rospy.resolve_name(name)
         self.action_server = _ActionServer(
             self.__begin, name, ActionSpec, self.internal_goal_callback, self.internal_preempt_callback, False)
-        self.__execute_cb = execute_cb
-        if execute_cb:
-            self.execute_callback = self.__execute
-            self.execute_condition = _GoalCondition(self)
+        self.execute_callback = execute_cb
         if auto_start:
             SimpleActionServer.start(self)  # a subclass may mean something else by it
 
@@ -79,7 +76,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def __begin(self):
         """Whoever has started the action server, the program itself or start()."""
-        if self.__execute_cb and not self.execute_thread:
+        if self.execute_callback and not self.execute_thread:
             self.execute_thread = threading.Thread(target=self.executeLoop)
             self.execute_thread.start()
         shutdown.at_end(self.__shut_down)
@@ -159,19 +156,24 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             elif not self.current_goal.get_goal():
                 self.current_goal = ended  # until the next one is accepted, as with actionlib
 
-    def internal_preempt_callback(self, preempt: actionlib.ServerGoalHandle) -> None:
-        """For the library: a cancel has come."""
-        try:
-            super().internal_preempt_callback(preempt)
-        finally:
-            rate.wake()
+    def executeLoop(self) -> None:
+        """For the library: the thread of execute_cb. In its own, a goal waits up to 100 ms after each other one, and
+        also when it comes between a check and a wait (ros/actionlib #212)."""
+        def has_to_go_on():
+            return self.is_new_goal_available() or self.need_to_terminate
+
+        while not rospy.is_shutdown() and not self.need_to_terminate:
+            with self.execute_condition:  # 1 s: for whoever sets need_to_terminate without a notification
+                self.execute_condition.wait_for(has_to_go_on, 1)
+            if self.is_new_goal_available():
+                self.__execute(self.accept_new_goal())
 
     def __execute(self, goal):
         if goal is None:
             return  # recalled in the moment in which the loop took it up
         process = os.getpid()
         try:
-            self.__execute_cb(goal)
+            self.execute_callback(goal)
         except BaseException as error:  # sys.exit would end the thread, and no goal would be served any more
             if os.getpid() != process:
                 raise  # a child that execute_cb has forked, which is to end
@@ -183,9 +185,9 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             why = SHUTTING_DOWN if self.__shutting_down else "execute_cb returned without ending its goal"
             self.set_aborted(None, why)
         with self.execute_condition:
-            self.execute_condition.wait(HEAD_START)
+            self.execute_condition.wait_for(self.is_new_goal_available, HEAD_START)
         if not self.is_new_goal_available():  # whose status comes next
-            self.action_server.publish_late_status()
+            self.action_server.publish_status()
             log.catch_up()
 
     def __end(self, set_state, result, text):
@@ -221,7 +223,10 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             rospy.logwarn("%s: the server ends goals that did not stop within %g s", self.__name,
                           shutdown.GOALS_END_WITHIN)
         self.action_server.close(SHUTTING_DOWN)
-        self.__let_go()
+        self.need_to_terminate = True  # the thread of execute_cb ends
+        if self.lock.acquire(timeout=0.1):
+            self.execute_condition.notify_all()
+            self.lock.release()
 
     def __ask_to_stop(self):
         with self.action_server.lock, self.lock:
@@ -230,13 +235,6 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 self.next_goal.set_canceled(None, SHUTTING_DOWN)
             if self.preempt_callback and self.is_active():
                 self.preempt_callback()
-
-    def __let_go(self):
-        """End the thread of execute_cb."""
-        self.need_to_terminate = True
-        if self.lock.acquire(timeout=0.1):
-            self.execute_condition.notify_all()
-            self.lock.release()
 
     def __look_for_twins(self):
         """Without it, each client of two servers of one action sees everything twice, and nobody says why."""
@@ -256,20 +254,6 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                           ", ".join(sorted(others)))
 
 
-class _GoalCondition(threading.Condition):
-    """What executeLoop waits on between two goals. Without it, it waits up to 100 ms after each goal, and also when one
-    comes between its check and its wait (ros/actionlib #212)."""
-
-    def __init__(self, server):
-        super().__init__(server.lock)
-        self.server = server
-
-    def wait(self, timeout=None):
-        # HEAD_START is ours, else 1 s: for whoever sets need_to_terminate without a notification.
-        return self.server.is_new_goal_available() or self.server.need_to_terminate or \
-            super().wait(timeout if timeout == HEAD_START else 1)
-
-
 class _ActionServer(actionlib.ActionServer):
     """Sends what a client waits for before the status of it, and forgets no goal before a status has shown its end."""
 
@@ -279,7 +263,7 @@ class _ActionServer(actionlib.ActionServer):
 
     def __init__(self, begin, *args, **options):
         self._begin = begin
-        self._later = self._late = False  # whether a status has to wait, and does
+        self._later = False  # whether a status has to wait
         self._unshown = []  # StatusTrackers of goals that have ended
         self._latest = rospy.Time()  # by which a clock that was set back is known
         super().__init__(*args, **options)
@@ -311,14 +295,12 @@ class _ActionServer(actionlib.ActionServer):
         super().initialize()
         need("actionlib", self, "status_timer", "_frequency", "started", "lock", "status_list", "last_cancel",
              "status_pub", "feedback_pub", "result_pub", "ActionResult", "ActionResultType")
-        need("rospy", self.result_pub, "impl")
-        need("rospy", self.result_pub.impl, "buff")
+        need("rospy", self.result_pub, "impl.buff")
         self.status_timer = rospy.Timer(rospy.Duration(1 / self._frequency), self.publish_status_async, reset=True)
 
     def publish_status(self):
         with self.lock:
-            self._late = self._later
-            if self._late or not self.started:
+            if self._later or not self.started:
                 return
             shown, self._unshown = self._unshown, []
             for tracker in shown:
@@ -333,15 +315,10 @@ class _ActionServer(actionlib.ActionServer):
             super().publish_status_async(event)
         log.catch_up()
 
-    def publish_late_status(self):
-        with self.lock:
-            if self._late:
-                self.publish_status()
-
     @contextlib.contextmanager
     def status_later(self, later=True):
-        """Within it, a status waits for publish_late_status() or the next one, if later (bool). Without it, it goes out
-        to each client before the result that one of them waits for."""
+        """Within it, a status waits for the next one, if later (bool). Without it, it goes out to each client before
+        the result that one of them waits for."""
         with self.lock:
             before, self._later = self._later, later or self._later
             try:
@@ -380,9 +357,12 @@ class _ActionServer(actionlib.ActionServer):
                               goal.goal_id.id)
 
     def internal_cancel_callback(self, goal_id):
-        with self.status_later():
-            self._look_at_the_clock()
-            super().internal_cancel_callback(goal_id)
+        try:
+            with self.status_later():
+                self._look_at_the_clock()
+                super().internal_cancel_callback(goal_id)
+        finally:  # a callback of the program's may raise
+            rate.wake()
         if self._unshown:  # a callback for preempts has ended its goal
             self.publish_status()
 

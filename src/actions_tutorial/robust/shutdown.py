@@ -27,7 +27,7 @@ import rosgraph
 import rospy
 
 from . import log, stdout
-from .internals import impatient_proxy, is_initialized, need
+from .internals import impatient_proxy
 
 GOALS_END_WITHIN = 1.0  # s of the beginning, as all of these
 SENT_WITHIN = 0.1  # s more: rospy sends from threads of its own, which cannot be asked when they are done
@@ -87,7 +87,6 @@ class Closer(threading.Thread):
 
     def __init__(self):
         super().__init__(daemon=True)
-        need("rospy", rospy.core, "_xmlrpc_cache", "add_shutdown_hook", "_ros_atexit")
         self._ears, self._mouth = socket.socketpair()
         self._ears.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)  # so that run() sees who speaks
         self._mouth.setblocking(False)
@@ -162,7 +161,7 @@ class Closer(threading.Thread):
 
     def _shut_down(self):
         rospy.signal_shutdown("told to end")
-        if not is_initialized():
+        if not rospy.core.is_initialized():
             self._closed.set()
 
     def _heed(self, number, frame):
