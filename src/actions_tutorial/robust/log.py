@@ -29,7 +29,6 @@ AT_ONCE = 2000  # characters; a pipe that takes anything takes 4096 bytes withou
 
 _ROSPY = os.path.join("rospy", "impl", "")
 
-
 _taken: list = []  # the handlers, as long as nobody has to wait for them
 _soon: collections.deque = collections.deque(maxlen=WAITING)  # lines on goals: functions that return them
 

@@ -79,15 +79,11 @@ def _read_side_by_side():
 
     def wait_and_handle(connection, address):
         connection.settimeout(SPEAKS_WITHIN)
-        try:
-            speaks = connection.recv(1, socket.MSG_PEEK)
-        except OSError:
-            speaks = False
-        if speaks:
-            connection.settimeout(None)
-            handle(connection, address)
-        else:
-            connection.close()
+        with contextlib.suppress(OSError):
+            if connection.recv(1, socket.MSG_PEEK):
+                connection.settimeout(None)
+                return handle(connection, address)
+        connection.close()
 
     def handle_side_by_side(*peer):
         came.set()

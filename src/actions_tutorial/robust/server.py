@@ -241,14 +241,12 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         twin = _servers.setdefault(self.__name, self)
         others = {rospy.get_name()} if twin is not self and twin.action_server.started else set()
         _servers[self.__name] = self
-        try:
+        with contextlib.suppress(*NO_ANSWER):
             publishers, _, _ = ask(rosgraph.get_master_uri(), "getSystemState", timeout=2)
             for node in set(dict(publishers).get(self.action_server.status_pub.resolved_name, ())) - {rospy.get_name()}:
                 with contextlib.suppress(*NO_ANSWER):  # one that was killed is listed still
                     if ask_node(node, "getPid"):
                         others.add(node)
-        except NO_ANSWER:
-            pass
         if others:
             rospy.logwarn("%s has another server, in the node %s: a client of one hears both", self.__name,
                           ", ".join(sorted(others)))
