@@ -172,6 +172,8 @@ class Units(unittest.TestCase):
                     ours.add(part.name)
         self.assertEqual(set(), {name for name in used if re.match("_[^_]", name)} - ours - needed - private)
         self.assertEqual(set(), needed - used - ours)
+        with self.assertRaisesRegex(rospy.ROSInitException, "^rospy .* has no rospy.core.nothing, which robust needs"):
+            internals.need("rospy", rospy, "core.is_initialized", "core.nothing")
 
     def test_get_param_in_rospys_place_takes_any_number(self):
         with mock.patch.object(rospy, "get_param", robust.get_param), arguments("_n:=0.5"):
@@ -201,6 +203,8 @@ class Units(unittest.TestCase):
         with warnings.catch_warnings(record=True) as said, self.assertRaisesRegex(ValueError, "namespaces"):
             warnings.simplefilter("always")
             robust.init_node("a/b")
+        with self.assertRaises(TypeError):  # as rospy's
+            robust.init_node(5)
         self.assertEqual([], said)  # of files that stay open
         with arguments("--help"), contextlib.redirect_stdout(io.StringIO()), self.assertRaises(SystemExit):
             robust.init_node("node", usage="how to")

@@ -216,11 +216,9 @@ def _say_once(handler, said, _):
     """For handleError. Without it, a disk that is full costs a traceback for each line of log."""
     if not said:
         said.append(True)
-        try:
+        with contextlib.suppress(AttributeError, OSError):  # nobody is left to tell
             sys.stderr.write("cannot log to %s: %s\n" % (
                 getattr(handler, "baseFilename", "the terminal"), sys.exc_info()[1]))
-        except (AttributeError, OSError):
-            pass  # nobody is left to tell
 
 
 def _own(stream):

@@ -48,13 +48,7 @@ def init_node(name: str, argv: Optional[List[str]] = None, anonymous: bool = Fal
         if not disable_signals:
             closer.heed_signals()  # from here on Ctrl-C is no traceback; it is obeyed when the checks are done
         values, uri = _check(name, arguments, usage, parameters)
-    except BaseException:
-        closer.give_up()
-        raise
-
-    # From here on a signal ends the node, whatever the main thread waits for.
-    closer.begin()
-    try:
+        closer.begin()  # from here on a signal ends the node, whatever the main thread waits for
         _wait_for_master(uri, dict(zip(parameters, values)).get("~server_timeout", 0))
         handlers = _start(options, ports)
         # Now that rospy's pieces are there, they are mended.
@@ -70,7 +64,7 @@ def init_node(name: str, argv: Optional[List[str]] = None, anonymous: bool = Fal
     except BaseException as error:
         if not rospy.core.is_initialized():
             closer.give_up()
-        if isinstance(error, (CannotStart, ValueError)) or not isinstance(error, Exception):
+        if not closer.ident or isinstance(error, (CannotStart, ValueError)) or not isinstance(error, Exception):
             raise
         raise cannot_start("the node %s cannot start: %s" % (name, why(error))) from error
 

@@ -222,7 +222,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         if self.action_server.unended():
             rospy.logwarn("%s: the server ends goals that did not stop within %g s", self.__name,
                           shutdown.GOALS_END_WITHIN)
-        self.action_server.close(SHUTTING_DOWN)
+        self.action_server.close()
         self.need_to_terminate = True  # the thread of execute_cb ends
         if self.lock.acquire(timeout=0.1):
             self.execute_condition.notify_all()
@@ -276,7 +276,7 @@ class _ActionServer(actionlib.ActionServer):
 
     def stop(self):
         """Without it, the goals that are left have no ending."""
-        self.close(SHUTTING_DOWN)
+        self.close()
         time.sleep(shutdown.SENT_WITHIN)
         super().stop()
 
@@ -368,8 +368,8 @@ class _ActionServer(actionlib.ActionServer):
         """Returns the trackers of goals that have no ending yet. Takes no lock."""
         return [one for one in list(self.status_list) if one.goal and one.status.status in _UNENDED]
 
-    def close(self, text):
-        """End whatever has no ending with text (str), and stop, even if a callback holds the lock for ever."""
+    def close(self):
+        """End whatever has no ending, and stop, even if a callback holds the lock for ever."""
         if not self.started:
             return
         mine = self.lock.acquire(timeout=0.05)
@@ -377,8 +377,8 @@ class _ActionServer(actionlib.ActionServer):
             self.started = False  # without it, the heartbeat beats into closed topics
             for tracker in self.unended():
                 status = tracker.status
-                status.text, status.status = text, (
-                    GoalStatus.RECALLED if status.status in _RECALLABLE else GoalStatus.ABORTED)
+                status.text = SHUTTING_DOWN
+                status.status = GoalStatus.RECALLED if status.status in _RECALLABLE else GoalStatus.ABORTED
                 result = self.ActionResult(status=status, result=self.ActionResultType())
                 result.header.stamp = rospy.Time.now()
                 self.result_pub.publish(result)

@@ -235,8 +235,6 @@ class Closer(threading.Thread):
 
 def _file(number):
     """Returns what tells the file of a descriptor (int) from others, or None."""
-    try:
+    with contextlib.suppress(OSError):
         found = os.fstat(number)
         return found.st_dev, found.st_ino
-    except OSError:
-        return None
