@@ -231,8 +231,8 @@ class Reports(NodeCase):
         raw.eventually(lambda: raw.status(wait=False) or len(raw.done) == 2, "two ends", timeout=20)
         self.assertEqual([(LOST, None)] * 2, raw.done, raw)
 
-    def test_shutdown_waits_for_no_callback_of_the_client(self, place):
-        for callback, state, cancels in ("active_cb", ACTIVE, 1), ("done_cb", SUCCEEDED, 0):
+    def test_neither_a_cancel_nor_the_shutdown_waits_for_a_callback_of_the_client(self, place):
+        for callback, state, cancels in ("active_cb", ACTIVE, 2), ("done_cb", SUCCEEDED, 0):
             raw, begun, free = place.meet(), threading.Event(), threading.Event()
             self.addCleanup(free.set)
 
@@ -246,6 +246,7 @@ class Reports(NodeCase):
                 raw.result(goal, wait=False)
             self.assertTrue(begun.wait(30), raw)
             before = time.monotonic()
+            raw.client.cancel_goal()  # as a server's callback for preempts does, for which done_cb may wait
             raw.client._SimpleActionClient__end_goal(before)
             self.assertLess(time.monotonic() - before, 10, raw)
             raw.eventually(lambda: raw.cancels == [goal] * cancels, "a cancel of what runs")
@@ -470,6 +471,10 @@ class Reports(NodeCase):
         raw.eventually(lambda: time.monotonic() - begun > 10, "a time after which a server might have forgotten it")
         self.assertLessEqual(len(goals()), 5, raw)
         self.assertEqual({(raw.ids[-1], 3)}, set(goals()), raw)
+        raw.send()
+        raw.client.cancel_goal()
+        self.assertFalse(raw.client.wait_for_result(rospy.Duration(2)))
+        self.assertEqual(1, len([one for one in raw.goals if one.goal_id.id == raw.ids[-1]]), raw)
 
     # --- in programs ---
 

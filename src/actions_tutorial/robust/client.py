@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
 import secrets
 import threading
 import time
@@ -79,8 +80,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
              "feedback_sub", "last_status_msg")
         need("rospy", self.action_client, "pub_goal.impl.has_connection", "pub_goal.impl.buff",
              "status_sub.impl.connections")
-        need("actionlib", CommStateMachine, "update_status", "update_result", "update_feedback", "transition_to",
-             "_mark_as_lost")
+        need("actionlib", CommStateMachine, "update_status", "update_result", "update_feedback", "_mark_as_lost")
         self.__heartbeat_timeout = heartbeat_timeout
         self.__is_connected = node.asking(self.__ask_server)
         self.__registered = time.monotonic()
@@ -158,6 +158,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                 machine = self.gh.comm_state_machine
                 machine.__class__ = _Goal
                 machine.begin(self.action_client.result_sub.resolved_name)
+                self.gh.cancel = machine.cancel
             except Exception as error:  # SerializationError of its fields, AttributeError of a message of another kind
                 # Without it, what is written of it stays in rospy's buffer, and spoils the next goal.
                 clear(self.action_client.pub_goal)
@@ -336,11 +337,9 @@ class _Goal(CommStateMachine):
 
     def begin(self, topic: str) -> None:
         self.topic = topic  # of its result
-        self.send_cancel = self.__dict__.pop("send_cancel_fn")
         self.simple_state = SimpleGoalState.PENDING
         self.is_over = False  # DONE, and done_cb has run
         self.why = ""  # the server has given it no ending
-        self.is_known = False  # the server has mentioned it
         self.mentioned, self.passed_over = True, False  # in a status since the last look
         self.silence = self.ignored = 0.0  # s; of the latter the server spoke, but not of this goal
         self.begun_at = self.sent_at = time.monotonic()
@@ -370,15 +369,13 @@ class _Goal(CommStateMachine):
         with contextlib.suppress(rospy.ROSException):  # the client was stopped
             self.send_goal_fn(type(self.action_goal)().deserialize(self.sent))
 
-    def send_cancel_fn(self, message: Any) -> None:
-        """In place of the library's, whose handle asks a server to stop what has ended, too."""
+    def cancel(self) -> None:
+        """In place of the handle's, which asks a server to stop what has ended, too, and waits for the mutex. That is
+        held while done_cb, say, ends the goal of a server whose callback for preempts cancels this one."""
+        self.sent_at = math.inf  # it is not sent again
         if self.state != CommState.DONE:
             with contextlib.suppress(rospy.ROSException):  # the client was stopped
-                self.send_cancel(message)
-
-    def cancel(self) -> None:
-        """Without the mutex, as a handle's would not be: active_cb may hold that for long."""
-        self.send_cancel_fn(GoalID(id=self.action_goal.goal_id.id))
+                self.send_cancel_fn(GoalID(id=self.action_goal.goal_id.id))
 
     def lose(self, why: str) -> None:
         """End it here, and say why."""
@@ -392,7 +389,7 @@ class _Goal(CommStateMachine):
         if self.state == CommState.DONE:
             return  # done_cb holds the mutex for as long as it likes, and the statuses of other goals wait
         if any(status.goal_id.id == self.action_goal.goal_id.id for status in status_array.status_list):
-            self.mentioned = self.is_known = True
+            self.mentioned = True
         else:
             self.passed_over = True
         super().update_status(status_array)
@@ -421,16 +418,9 @@ class _Goal(CommStateMachine):
         finally:
             _running.remove(self.topic)
 
-    def transition_to(self, state: int) -> None:
-        if self.state != CommState.DONE:  # a cancel after the end changes nothing
-            super().transition_to(state)
-
     def _mark_as_lost(self) -> None:
-        """Without it, a goal that is cancelled in its first moment is LOST when a status arrives that was sent before
-        the server knew the goal (actionlib/action_client.py, update_status)."""
-        if self.is_known:
-            self.why = "the server no longer knows the goal"
-            super()._mark_as_lost()
+        self.why = "the server no longer knows the goal"
+        super()._mark_as_lost()
 
 
 def _duration(timeout: Seconds) -> genpy.Duration:
