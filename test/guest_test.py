@@ -215,7 +215,8 @@ asyncio.run(main())
     def test_ctrl_c_at_python_s_prompt_and_before_it_ends_the_node_and_not_the_prompt(self, master):
         code = "import rospy, time; from actions_tutorial import robust; robust.init_node('guest'); print('re' + 'ady')"
         env = dict(os.environ, HOME=master.home, PYTHON_BASIC_REPL="1", **master.env)  # a prompt writes its history
-        for arguments, typed in ([], [code]), (["-i", "-c", code + "; rospy.spin()"], []):
+        wrong = "import rospy; from actions_tutorial import robust; robust.init_node('guest', ['', 'a:=b:=c'])"
+        for arguments, typed in ([], [wrong, code]), (["-i", "-c", code + "; rospy.spin()"], []):
             with contextlib.closing(pexpect.spawn("/usr/bin/python3", arguments, env=env)) as prompt:
                 for line in typed:
                     prompt.sendline(line)

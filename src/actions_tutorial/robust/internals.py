@@ -2,6 +2,7 @@
 """What robust uses of rospy and actionlib without their documenting it, checked when a node starts."""
 import http.client
 import operator
+import sys
 import threading
 import xml.parsers.expat
 import xmlrpc.client
@@ -25,9 +26,9 @@ class CannotStart(rospy.ROSInitException, SystemExit):
 
 
 def cannot_start(text):
-    """Returns a rospy.ROSInitException with text (str) that ends the main thread in one line."""
+    """Returns a rospy.ROSInitException with text (str) that ends the main thread in one line, but no prompt."""
     in_main = threading.current_thread() is threading.main_thread()  # other threads end without a word on SystemExit
-    return (CannotStart if in_main else rospy.ROSInitException)(text)
+    return (CannotStart if in_main and not hasattr(sys, "ps1") else rospy.ROSInitException)(text)
 
 
 def why(error):
