@@ -362,6 +362,37 @@ for more in 1, 0:
 rospy.signal_shutdown("done")
 """, "3", "True", "3")
 
+    def test_server_made_before_init_node_by_a_subclass_with_its_own_ways_is_served_and_named(self, master):
+        node = program(master, """
+class Own(robust.SimpleActionServer):
+    paused = False
+
+    def is_new_goal_available(self):
+        return not self.paused and super().is_new_goal_available()
+
+    def accept_new_goal(self):
+        self.taken_up = super().accept_new_goal()
+
+    def execute(self, _):
+        (self.set_succeeded if self.taken_up.goal else self.set_aborted)()
+
+server = Own("~work", TestAction, lambda goal: server.execute(goal), False)
+robust.init_node("guest")
+server.start()
+clients = [robust.SimpleActionClient("~work", TestAction) for _ in range(2)]
+server.paused = True
+for client in clients:
+    client.wait_for_server()
+    client.send_goal(TestGoal(1))
+    so(lambda: server.next_goal.get_goal_id() == client.gh.comm_state_machine.action_goal.goal_id)
+server.paused = False
+print([client.wait_for_result(rospy.Duration(10)) and client.get_state() for client in clients])
+rospy.signal_shutdown("done")
+""", head=HEAD)
+        self.assertEqual(0, node.wait(), node)
+        self.assertIn("\n[8, 3]\n", node.stdout)
+        self.assertIn("/guest/work waits for goals\n", node.stdout)
+
     def test_stubborn_node_ends_within_2_s_of_a_signal_of_many_and_of_rosnode_kill(self, master):
         stubborn = ("print('ready')\nwhile True:\n    time.sleep(1)",
                     "print('ready')\nlock = bytes(64)\nwhile True:\n    ctypes.CDLL(None).pthread_mutex_lock(lock)",

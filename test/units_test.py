@@ -733,7 +733,7 @@ class Units(unittest.TestCase):
         self.assertEqual(rospy.Time(5), one.last_cancel)
 
     def test_goal_that_is_recalled_while_the_loop_takes_it_up_is_not_executed(self):
-        asked = mock.Mock()
+        asked = mock.Mock(is_active=lambda: False)
         robust.SimpleActionServer._SimpleActionServer__execute(asked, None)
         self.assertEqual([], asked.mock_calls)
 

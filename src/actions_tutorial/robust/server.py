@@ -55,7 +55,6 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         self.__taken_over = 0  # goals in whose midst a newer one was accepted
         self.__taken_by: Optional[int] = None  # the thread that did it last
         self.__fed_back = 0.0  # time.monotonic() of the last feedback
-        self.__name = rospy.resolve_name(name)
         self.action_server = _ActionServer(
             self.__begin, name, ActionSpec, self.internal_goal_callback, self.internal_preempt_callback, False)
         self.execute_callback = execute_cb
@@ -72,10 +71,12 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         try:
             super().start()
         except Exception as error:
-            raise cannot_start("the action server %s cannot start: %s" % (self.__name, error)) from error
+            raise cannot_start("the action server %s cannot start: %s" % (
+                rospy.resolve_name(self.action_server.ns), error)) from error
 
     def __begin(self):
         """Whoever has started the action server, the program itself or start()."""
+        self.__name = rospy.resolve_name(self.action_server.ns)  # "~" has a meaning since init_node
         if self.execute_callback and not self.execute_thread:
             self.execute_thread = threading.Thread(target=self.executeLoop)
             self.execute_thread.start()
@@ -146,7 +147,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 # Without it, a goal is refused for a stamp older than that of one that has ended: after one stamp from
                 # the future nobody is served any more.
                 self.current_goal = actionlib.ServerGoalHandle()
-                if not self.is_new_goal_available():
+                if not self.new_goal:
                     self.next_goal = self.current_goal
         try:
             super().internal_goal_callback(goal)
@@ -169,7 +170,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 self.__execute(self.accept_new_goal())
 
     def __execute(self, goal):
-        if goal is None:
+        if goal is None and not self.is_active():
             return  # recalled in the moment in which the loop took it up
         process = os.getpid()
         try:
