@@ -299,7 +299,7 @@ for child, is_ready in (
     child.join(10)
     report(child.exitcode)
 rospy.logwarn("parent logs on")
-so(lambda: not robust.log._others.unfinished_tasks)
+so(lambda: not robust.log._others)
 done.set()
 client.wait_for_result(rospy.Duration(10))
 print(GoalStatus.to_string(client.get_state()))

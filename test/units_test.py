@@ -310,11 +310,11 @@ class Units(unittest.TestCase):
             log.soon(lambda: "x" * 5000)  # for which a pipe may have no room
             log.show()
             log.catch_up()
-            eventually(lambda: said and not log._terminal.unfinished_tasks, "the long line")
+            eventually(lambda: said and not log._terminal, "the long line")
             for number, other in enumerate((
                     mock.patch.dict("os.environ", ROSCONSOLE_FORMAT="mine"), mock.patch.object(terminal, "level", 30),
                     mock.patch.object(rospy.rostime, "is_wallclock", return_value=False),
-                    mock.patch.object(log, "_terminal", mock.Mock(unfinished_tasks=1, call=lambda write: write())))):
+                    mock.patch.object(log, "_terminal", mock.Mock(call=lambda write: write())))):
                 with other:
                     log.soon(lambda: "a plate")
                     log.show()
@@ -362,6 +362,26 @@ class Units(unittest.TestCase):
         hangs.set()
         log._others.call(goes_on.set)
         self.assertTrue(goes_on.wait(30))
+
+    def test_line_that_a_signal_handler_logs_in_whatever_step_of_another_waits_for_nothing(self):
+        caller, said, steps = log._Caller(0), [], range(50)
+
+        def log_and_be_interrupted():
+            for step in steps:
+                left = iter(range(step))
+
+                def trace(*_):
+                    if next(left, None) is None:
+                        sys.settrace(None)
+                        caller.call(lambda: said.append("the handler's"))
+                    return trace
+
+                sys.settrace(trace)
+                caller.call(lambda: said.append("the program's"))
+                sys.settrace(None)
+
+        threading.Thread(target=log_and_be_interrupted, daemon=True).start()
+        eventually(lambda: said.count("the program's") == len(steps), "a line for each step")
 
     def test_flush_waits_for_the_lines_so_far_and_the_end_of_a_node_flushes(self):
         said = self.logged()

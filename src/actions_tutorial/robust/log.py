@@ -11,7 +11,6 @@ import copy
 import functools
 import logging
 import os
-import queue
 import select
 import sys
 import threading
@@ -64,7 +63,7 @@ def show():
     terminal = next((one for one in _taken if isinstance(one, RosStreamHandler)), None)
     if not terminal or "ROSCONSOLE_FORMAT" in os.environ or not rospy.rostime.is_wallclock() or \
             not logging.getLogger("rosout").isEnabledFor(logging.INFO) or logging.INFO < terminal.level or \
-            _terminal.unfinished_tasks or not _takes_a_line(terminal._stdout):
+            _terminal or not _takes_a_line(terminal._stdout):
         return catch_up()
     for line in _taken_off():
         text = line()
@@ -117,7 +116,7 @@ def flush(seconds):
     """Wait until the lines so far are written, at most so many seconds."""
     end = time.monotonic() + seconds
     catch_up()
-    while _terminal.unfinished_tasks + _others.unfinished_tasks and time.monotonic() < end:
+    while (_terminal or _others) and time.monotonic() < end:
         time.sleep(0.005)
 
 
@@ -131,28 +130,34 @@ def ask_the_master_once():
     cache.get = lambda name: value if name == key else get(name)  # not in the cache, where it would be all of "/"
 
 
-class _Caller(queue.Queue):
-    """A thread, started with its first call, that makes calls pause (s) after they came."""
+class _Caller(collections.deque):
+    """The calls that wait for a thread, started with the first one, which makes them pause (s) after they came.
+
+    Only that thread waits for a lock: with a queue.Queue, a signal handler that logs in the midst of a line of log
+    waits for that for ever.
+    """
 
     def __init__(self, pause):
-        super().__init__(WAITING)
-        self._pause, self._begins, self.at_work = pause, threading.Lock(), threading.RLock()
+        super().__init__()
+        self._pause, self.at_work = pause, threading.RLock()
+        self._begins, self._news = threading.Lock(), threading.Lock()
 
     def call(self, function):
-        with contextlib.suppress(queue.Full, RuntimeError):  # no thread to be had
-            self.put_nowait(function)
+        if len(self) < WAITING:
+            self.append(function)
+        with contextlib.suppress(RuntimeError):  # no thread to be had, or it has been told already
             if self._begins.acquire(blocking=False):  # once
                 threading.Thread(target=self._run, daemon=True).start()
+            self._news.release()
 
     def _run(self):
         while True:
-            function = self.get()
+            self._news.acquire()
             time.sleep(self._pause)
-            while function:
+            while self:
                 with self.at_work:
-                    function()
-                self.task_done()
-                function = None if self.empty() else self.get()
+                    self[0]()
+                self.popleft()
 
 
 class _Shown(str):
@@ -178,7 +183,7 @@ def _write_at_once(handler, write, record):
     if _ROSPY in record.pathname:  # its warnings quote what a peer has sent
         record = _with_text(record, printable(record.getMessage()))
     stream = handler._stdout if record.levelno < logging.WARNING else handler._stderr
-    if not _terminal.unfinished_tasks and len(record.getMessage()) < AT_ONCE and _takes_a_line(stream):
+    if not _terminal and len(record.getMessage()) < AT_ONCE and _takes_a_line(stream):
         write(record)
     else:
         _write_later(_terminal, write, record)
