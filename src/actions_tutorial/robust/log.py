@@ -29,6 +29,7 @@ AT_ONCE = 2000  # characters; a pipe that takes anything takes 4096 bytes withou
 _ROSPY = os.path.join("rospy", "impl", "")
 
 _taken: list = []  # the handlers, as long as nobody has to wait for them
+_plain: list = []  # those of them that write a line as rospy does by default: the terminal's
 _soon: collections.deque = collections.deque(maxlen=WAITING)  # lines on goals: functions that return them
 
 
@@ -60,10 +61,9 @@ def show():
     file get them at the next catch_up(). Without it, a first feedback waits 0.3 ms for rospy's own way to a line."""
     if not _soon:
         return
-    terminal = next((one for one in _taken if isinstance(one, RosStreamHandler)), None)
-    if not terminal or "ROSCONSOLE_FORMAT" in os.environ or not rospy.rostime.is_wallclock() or \
-            not logging.getLogger("rosout").isEnabledFor(logging.INFO) or logging.INFO < terminal.level or \
-            _terminal or not _takes_a_line(terminal._stdout):
+    terminal = _plain and _plain[0]
+    if not terminal or not rospy.rostime.is_wallclock() or not logging.getLogger("rosout").isEnabledFor(logging.INFO) \
+            or logging.INFO < terminal.level or _terminal or not _takes_a_line(terminal._stdout):
         return catch_up()
     for line in _taken_off():
         text = line()
@@ -86,6 +86,8 @@ def hold_nobody_up(handlers):
             need("rospy", handler, "_stdout", "_stderr")
             handler.stdout_before, handler._stdout = handler._stdout, _own(handler._stdout)
             handler.emit = functools.partial(_write_at_once, handler, write)
+            if "ROSCONSOLE_FORMAT" not in os.environ:
+                _plain.append(handler)
         else:
             handler.emit = functools.partial(_write_later, _others, write)
         _taken.append(handler)
@@ -105,6 +107,7 @@ def go_on():
 def give_back():
     """In a child process, which has no threads of ours."""
     go_on()
+    _plain.clear()
     while _taken:
         handler = _taken.pop()
         del handler.emit, handler.handleError
@@ -167,10 +170,11 @@ class _Shown(str):
 def _taken_off():
     """Returns the lines of soon(), which are the caller's from now on."""
     lines = []
-    with contextlib.suppress(IndexError):
+    try:
         while True:
             lines.append(_soon.popleft())
-    return lines
+    except IndexError:
+        return lines
 
 
 _terminal, _others = _Caller(0), _Caller(LATER)

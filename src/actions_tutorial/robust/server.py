@@ -149,13 +149,11 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 self.current_goal = actionlib.ServerGoalHandle()
                 if not self.new_goal:
                     self.next_goal = self.current_goal
-        try:
-            super().internal_goal_callback(goal)
-        finally:  # a callback of the program's may raise
-            if busy:
-                rate.wake()
-            elif not self.current_goal.get_goal():
-                self.current_goal = ended  # until the next one is accepted, as with actionlib
+        super().internal_goal_callback(goal)
+        if busy:
+            rate.wake()
+        elif not self.current_goal.get_goal():
+            self.current_goal = ended  # until the next one is accepted, as with actionlib
 
     def executeLoop(self) -> None:
         """For the library: the thread of execute_cb. In its own, a goal waits up to 100 ms after each other one, and
