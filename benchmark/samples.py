@@ -167,16 +167,13 @@ class Benchmark:
         return self.random.sample([(i + self.random.random()) / count for i in range(count)], count)
 
     def react(self, kind, peer):
+        """Again and again: a goal, a newer one, its cancel, a goal of no bowls; of the floor, an answer."""
         if kind == "floor":
             for phase in self.phases(kind):
                 time.sleep(phase / 2)
                 with self.turn:
                     self.add("ping", kind, peer.took(peer.send(1), "result"))
-        else:
-            self.cycles(kind, peer)
-
-    def cycles(self, kind, peer):
-        """Again and again: a goal, a newer one, its cancel, a goal of no bowls."""
+            return
         # The plain server may take a second to stop, for which nobody else is held up.
         turn = contextlib.nullcontext() if kind == "plain" else self.turn
         for done, (before, first, second) in enumerate(zip(self.phases(kind), self.phases(kind), self.phases(kind))):

@@ -26,11 +26,6 @@ def listen(master, what):
     return echo
 
 
-def send(master, goal):
-    run("rostopic", "pub", "--once", "/wash_dishes_as/goal", "actions_tutorial/WashTheDishesActionGoal", goal,
-        **master.env)
-
-
 def check_results(result, *counts):
     """result (Process) has shown this many results, each SUCCEEDED, with so many bowls, and no other."""
     eventually(lambda: result.stdout.count("\n---\n") >= len(counts), "%d results" % len(counts), result)
@@ -65,7 +60,8 @@ def test_rosbag_replays_the_goal_and_the_same_bowls_are_washed_again(served):
     record = served.start("rosbag", "record", "-O", bag, "/wash_dishes_as/goal", "__name:=recorder")
     subscribed(served, "/wash_dishes_as/goal", 2)  # the server and the recorder
     result = listen(served, "result")
-    send(served, "{goal_id: {id: supper}, goal: {number_of_minutes: 2}}")
+    run("rostopic", "pub", "--once", "/wash_dishes_as/goal", "actions_tutorial/WashTheDishesActionGoal",
+        "{goal_id: {id: supper}, goal: {number_of_minutes: 2}}", **served.env)
     check_results(result, 2)
     run("rosnode", "kill", "/recorder", **served.env)
     record.wait()

@@ -1,5 +1,7 @@
 #!/usr/bin/python3
-"""Servers and clients that were written for actionlib run on robust unchanged; the actions are actionlib's own."""
+"""Servers and clients that were written for actionlib run on robust unchanged, and hear of a wrong parameter; the
+actions are actionlib's own."""
+import re
 import threading
 import unittest
 from unittest import mock
@@ -90,12 +92,9 @@ class Compatibility(unittest.TestCase):
         self.assertEqual([1, 1], [topic.get_num_connections() for topic in (
             client.action_client.pub_goal, client.action_client.pub_cancel)])
 
-    def test_server_whose_node_does_not_tell_of_its_connections(self):
+    def test_server_that_does_not_tell_of_its_connections_is_found_and_a_client_that_was_stopped_says_so(self):
         with mock.patch.object(masterslave.ROSHandler, "getBusInfo", lambda *_: (1, "", [])):
-            self.client("by_subclass")
-
-    def test_client_that_was_stopped_says_so_to_whoever_waits_for_its_server(self):
-        client = self.client("by_subclass")
+            client = self.client("by_subclass")
         client.action_client.stop()
         with self.assertRaises(AttributeError):  # as actionlib
             client.wait_for_server(PATIENCE)
@@ -110,6 +109,20 @@ class Compatibility(unittest.TestCase):
         self.ends(client, GoalStatus.PREEMPTED)
         self.assertEqual({"feedback", SimpleGoalState.ACTIVE}, set(heard))
         self.assertEqual(SimpleGoalState.DONE, client.simple_state)
+
+    def test_wrong_parameter_of_actionlib_is_named_with_its_value_and_what_is_allowed(self):
+        client, server = robust.SimpleActionClient, robust.SimpleActionServer
+        for kind, name, values in (
+                (server, "/actionlib_status_frequency", (0, -1, float("nan"), float("inf"), 1e12, 1e6, "fast")),
+                (server, "work/status_frequency", [0]), (server, "work/status_list_timeout", ["long", -1]),
+                *((kind, "actionlib_%s_%s_queue_size" % (side, way), ["long"]) for way in ("pub", "sub")
+                  for side, kind in (("server", server), ("client", client)))):
+            for value in values:
+                rospy.set_param(name, value)
+                with self.assertRaisesRegex(rospy.ROSInitException, r"^the \S.* cannot start: \S*%s is %s, must be " % (
+                        name.rpartition("/")[2], re.escape(repr(value)))):
+                    kind("work", TestAction)
+                rospy.delete_param(name)
 
     def test_client_that_makes_the_parts_or_the_handle_itself(self):
         class Own(robust.SimpleActionClient):

@@ -1,13 +1,15 @@
 #!/usr/bin/python3
-"""The life of a goal: each bowl in its second, and one ending. random_order_test.py has what clients do meanwhile."""
+"""The life of a goal: each bowl in its second, and one ending, on a clock that runs fast, stands still or is set back.
+random_order_test.py has what clients do meanwhile."""
+import signal
+import time
+
 import rospy
 import rostest
-from actions_tutorial import robust
-from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
 
 from raw_client import ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
 from scenes import ServerCase
-from processes import bowls, eventually
+from processes import bowls, check_client, eventually
 
 
 class TestGoal(ServerCase):
@@ -76,22 +78,6 @@ class TestGoal(ServerCase):
         self.scene.check_ending(self.scene.send(0), SUCCEEDED, [])
         self.assertNotIn("ignored", self.server.stderr)
 
-    def test_each_of_two_clients_sees_its_own_goal(self):
-        clients, seen = {}, {2: [], 1: []}  # by their minutes
-        for minutes in seen:
-            clients[minutes] = robust.SimpleActionClient("wash_dishes_as", WashTheDishesAction)
-            self.assertTrue(clients[minutes].wait_for_server(), "no server for the client of %d" % minutes)
-        for minutes, client in clients.items():
-            bowls_seen = seen[minutes]
-            client.send_goal(WashTheDishesGoal(minutes), done_cb=lambda _, result, to=bowls_seen: to.append(result),
-                             feedback_cb=lambda feedback, to=bowls_seen: to.append(feedback.last_dish_washed))
-            for count in range(1, minutes + 1):
-                self.scene.wait(lambda: len(bowls_seen) == count, "%d bowls of %d, came %s" % (count, minutes, seen))
-                self.clock.turn(1, self.scene)
-            self.scene.wait(lambda: len(bowls_seen) == minutes + 1, "an end after %d, came %s" % (minutes, seen))
-        for minutes, (*named, result) in seen.items():
-            self.assertEqual((bowls(minutes), bowls(minutes)), (named, result.dishes_washed))
-
     def test_burst_ends_every_goal_once_and_washes_the_last(self):
         for count in (20, 500):
             goals, last = [self.scene.send(2) for _ in range(count - 1)], self.wash(2, 1)
@@ -103,6 +89,47 @@ class TestGoal(ServerCase):
                 # Of so many results at once, actionlib drops some: its queue has room for 50.
                 self.assertIn(endings, ([PREEMPTED], [RECALLED]) + ([],) * (count > 50), goal_id)
             self.assertLessEqual(self.scene.active_at_once, 1, "goals ACTIVE at once")
+
+    def test_fifty_times_faster_also_after_a_stop(self):
+        begun = self.clock.now
+        goal_id = self.scene.send(60)
+        self.clock.run(0.2)
+        self.scene.wait_bowls(goal_id, 5)
+        self.clock.stop()
+        self.clock.run(0.2)
+        result = self.scene.check_ending(goal_id, SUCCEEDED, bowls(60))
+        for i, message in enumerate(self.scene.feedback[goal_id]):
+            self.assertGreaterEqual((message.header.stamp - begun).to_sec(), i, "second of bowl-%d" % i)
+        took = (result.header.stamp - begun).to_sec()
+        # Exact figures are those of the tests above. By the wall clock it would take 60 * 50 s.
+        self.assertTrue(60 <= took < 600, "expected 60 s of ROS time, took %.1f s" % took)
+
+    def test_client_is_patient_while_the_clock_stands_and_when_it_jumps_while_the_server_is_stopped(self):
+        self.clock.run(0.08, 0.02)
+        client = self.scene.client(3, "_heartbeat_timeout:=0.6")
+        client.expect("bowl-1")
+        self.clock.stop()
+        with self.assertRaises(AssertionError, msg="a bowl while the clock stands"):
+            client.expect("bowl-2", timeout=6)  # the fault itself: longer than the patience with a server that lives
+        self.server.signal(signal.SIGSTOP)
+        time.sleep(1)  # the client looks after its last status
+        self.clock.turn(1000)
+        time.sleep(1)  # the fault itself: the client looks again
+        self.assertTrue(client.running(), client)
+        self.server.signal(signal.SIGCONT)
+        self.clock.run(0.08, 0.02)
+        check_client(client, 0, 3)
+        self.assertEqual("", client.stderr, "expected no alarm")
+
+    def test_client_washes_on_when_the_clock_is_set_back(self):
+        self.clock.run(0.08, 0.02)
+        client = self.scene.client(5, "_heartbeat_timeout:=3")
+        client.expect("bowl-1")
+        self.clock.turn(-100)
+        client.wait(20)  # the 100 s would take 25 s on this clock
+        check_client(client, 0, 5)
+        # Its next client works too, which hears the server's status, sent by a timer on the clock that was set back.
+        check_client(self.scene.client(20, "_heartbeat_timeout:=2"), 0, 20)  # which take 5 s on this clock
 
 
 if __name__ == "__main__":

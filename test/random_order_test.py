@@ -46,9 +46,10 @@ class Sequence:
     def possible(self):
         """Returns the steps that may be taken now, each with the values that it takes."""
         steps = [(self.send, [-2**31, -2, -1, 0, 1, 2, 3, 4]), (self.wait, [0.25, 0.5, 0.999, 1, 2]),
-                 (self.cancel_an_ended_or_unknown_goal, [*self.endings, "nobody's"])]
+                 (self.cancel, [[goal_id] for goal_id in [*self.endings, "nobody's"]])]
         if self.active:  # or the last two might overtake the next goal: each topic has its own connection
-            steps += (self.cancel_goal, [1, 2]), (self.cancel_all, [""]), (self.cancel_up_to_a_stamp, [-1, 0, 1])
+            steps += [(self.cancel, [[self.active], [self.active] * 2]), (self.cancel, [[""]]),
+                      (self.cancel_up_to_a_stamp, [-1, 0, 1])]
         elif self.clock.now > self.cancelled_until:
             # Only on a clock that stands: a cancel that overtakes its goal is kept for 5 s, which are soon over else.
             steps += [(self.end_a_goal_in_its_first_second, [*WAYS, "cancel at once"]),
@@ -101,17 +102,12 @@ class Sequence:
         if self.active and (self.clock.now - self.begun).to_sec() >= self.minutes:
             self.end(SUCCEEDED, "all done")
 
-    def cancel_an_ended_or_unknown_goal(self, goal_id):
-        self.scene.cancel(goal_id)
-
-    def cancel_goal(self, times):
-        for _ in range(times):
-            self.scene.cancel(self.active)
-        self.end(PREEMPTED, "cancelled")
-
-    def cancel_all(self, goal_id):
-        self.scene.cancel(goal_id)
-        self.end(PREEMPTED, "cancelled")
+    def cancel(self, goal_ids):
+        """Cancel the active goal, all goals, or one that has ended or is unknown."""
+        for goal_id in goal_ids:
+            self.scene.cancel(goal_id)
+        if goal_ids[0] in (self.active, ""):
+            self.end(PREEMPTED, "cancelled")
 
     def cancel_up_to_a_stamp(self, seconds):
         stamp = self.clock.now + rospy.Duration(seconds)

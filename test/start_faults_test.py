@@ -1,7 +1,7 @@
 #!/usr/bin/python3
-"""What prevents the start of a node, or is wrong on its command line: one line that names it, and an exit status."""
+"""What the launch file starts; what prevents the start of a node, or is wrong on its command line: one line that names
+it, and an exit status."""
 import os
-import re
 import signal
 import time
 import unittest
@@ -9,32 +9,10 @@ import unittest
 import rostest
 
 from scenes import check_quiet, concurrently
-from processes import PACKAGE, Master, check_client, eventually
+from processes import PACKAGE, Master, check_client, eventually, run
 
 NODES = "action_server.py", "action_client.py", "add_two_numbers_server.py"
-
-# Prints each wrong parameter, its value, and what the server or the client says of it.
-PARAMETERS = """
-import rospy
-from actionlib.msg import TestAction
-from actions_tutorial.robust import SimpleActionClient, SimpleActionServer, init_node
-
-init_node("node")
-for kind, name, values in (
-        (SimpleActionServer, "/actionlib_status_frequency", (0, -1, float("nan"), float("inf"), 1e12, 1e6, "fast")),
-        (SimpleActionServer, "work/status_frequency", [0]),
-        (SimpleActionServer, "work/status_list_timeout", ["long", -1]),
-        *((kind, "actionlib_%s_%s_queue_size" % (side, way), ["long"]) for way in ("pub", "sub")
-          for side, kind in (("server", SimpleActionServer), ("client", SimpleActionClient)))):
-    for value in values:
-        rospy.set_param(name, value)
-        try:
-            kind("work", TestAction)
-        except rospy.ROSInitException as error:
-            print(name, repr(value), error)
-        rospy.delete_param(name)
-rospy.signal_shutdown("done")
-"""
+LAUNCH = "actions_tutorial", "wash_the_dishes.launch"
 
 # Says when robust begins its imports; from there on Ctrl-C is no traceback.
 SAY_IMPORTS = """
@@ -50,6 +28,16 @@ def node_after(master, code, name):
         code, path))
 
 
+def launch(master, *arguments):
+    return master.start("roslaunch", *LAUNCH, *arguments)
+
+
+def nodes(master):
+    """Those that the master knows to publish, subscribe or serve, but for rosout."""
+    kinds = master.api.getSystemState()
+    return sorted({node for kind in kinds for _, nodes in kind for node in nodes} - {"/rosout"})
+
+
 @concurrently(Master)
 class StartFaults(unittest.TestCase):
 
@@ -61,57 +49,52 @@ class StartFaults(unittest.TestCase):
         for word in words:
             self.assertIn(word, node.stderr, node)
 
-    def test_help_shows_parameters_defaults_and_exit_statuses_without_a_master(self, master):
-        master.kill()
-        client = master.node("action_client.py", "--help")
-        self.assertEqual((0, ""), (client.wait(), client.stderr), client)
-        for word in "~number_of_minutes", "7", "~server_timeout", "~heartbeat_timeout", "5", "Exit status":
-            self.assertIn(word, client.stdout, client)
-
-    def test_wrong_argument_or_parameter_of_the_client_is_named_and_no_goal_is_sent(self, master):
-        server = master.node("action_server.py")
+    def test_wrong_argument_or_parameter_of_the_client_is_named_and_no_goal_is_sent_on_a_renamed_topic(self, master):
+        server = master.node("action_server.py", "wash_dishes_as:=other")
         server.expect("waits for goals")
         for argument, words in (
-                ("3", "unknown argument '3'"), ("_number_of_minutes:=1:=2", "argument '_number_of_minutes:=1:=2'"),
-                ("number_of_minutes:=3", "'number_of_minutes:=3' renames a topic, must be _number_of_minutes:=3"),
-                ("_number_of_minuets:=3", "~number_of_minuets, must be one of ~number_of_minutes"),
-                ("_number_of_minutes:=abc", "is 'abc', must be a whole number from -2147483648 to 2147483647"),
-                ("_number_of_minutes:=2147483648", "~number_of_minutes is 2147483648"),
+                ("_number_of_minutes:=1:=2", "argument '_number_of_minutes:=1:=2'"),
+                ("_number_of_minutes:=2147483648", "is 2147483648, must be a whole number from -2147483648 to 2147"),
                 ("_number_of_minutes:=-2147483649", "~number_of_minutes is -2147483649"),
-                ("_number_of_minutes:='7'", "~number_of_minutes is '7'"),
                 ("_server_timeout:=-1", "~server_timeout is -1, must be a number from 0"),
                 ("_server_timeout:=2147483648", "~server_timeout is 2147483648, must be"),  # which no master takes
-                ("_heartbeat_timeout:=0", "~heartbeat_timeout is 0, must be a number from 0.1"),
-                ("_heartbeat_timeout:=.nan", "~heartbeat_timeout is nan")):
-            self.refused(master.node("action_client.py", argument), 2, words)
+                ("_heartbeat_timeout:=0", "~heartbeat_timeout is 0, must be a number from 0.1")):
+            self.refused(master.node("action_client.py", "wash_dishes_as:=other", argument), 2, words)
         master.api.setParam("/action_client/heartbeat_timeout", "long")
         self.refused(master.node("action_client.py"), 2, "~heartbeat_timeout is 'long', must be a number from 0.1",
                      "from the parameter server; `rosparam delete /action_client`")
-        check_client(master.node("action_client.py", "__name:=right", "_number_of_minutes:=1"), 0, 1)
+        check_client(master.node("action_client.py", "wash_dishes_as:=other", "__name:=right", "_number_of_minutes:=1"),
+                     0, 1)
         self.assertEqual(1, server.stdout.count("goal accepted"), server)
 
-    def test_topic_may_be_renamed(self, master):
-        master.node("action_server.py", "wash_dishes_as:=other")
-        check_client(master.node("action_client.py", "wash_dishes_as:=other", "_number_of_minutes:=1"), 0, 1)
-
-    def test_what_stops_a_node_whatever_its_parameters_is_named_in_one_line(self, master):
+    def test_what_stops_a_node_whatever_its_parameters_is_named_in_one_line_and_help_is_given_even_so(self, master):
+        nowhere = dict(ROS_MASTER_URI="localhost:11311")
         for name in NODES:
-            self.refused(master.node(name, ROS_MASTER_URI="localhost:11311"), 1,
+            self.refused(master.node(name, **nowhere), 1,
                          "ROS_MASTER_URI is 'localhost:11311', must be like http://localhost:11311")
+        client = master.node("action_client.py", "--help", **nowhere)
+        self.assertEqual((0, ""), (client.wait(), client.stderr), client)
+        for word in "~number_of_minutes", "7", "~server_timeout", "~heartbeat_timeout", "5", "Exit status":
+            self.assertIn(word, client.stdout, client)
         self.refused(master.node("action_server.py", "_a:=b:=c"), 1, "'_a:=b:=c', must be NAME:=VALUE")
-        for node, name, kind in (("action_server.py", "actionlib_status_frequency", "number from 0.1 to 100"),
-                                 ("action_client.py", "actionlib_client_pub_queue_size", "whole number")):
-            master.api.setParam("/" + name, "fast")
-            self.refused(master.node(node), 1, "/wash_dishes_as cannot start: ", name + " is 'fast', must be a " + kind)
 
-    def test_wrong_parameter_of_actionlib_is_named_with_its_value_and_what_is_allowed(self, master):
-        node = master.start("/usr/bin/python3", "-c", PARAMETERS, ROS_NAMESPACE="/below")
-        self.assertEqual(0, node.wait(), node)
-        for line in node.stdout.splitlines():
-            name, value, said = line.split(maxsplit=2)
-            self.assertRegex(said, r"^the \S.* cannot start: \S*%s is %s, must be " % (
-                name.rpartition("/")[2], re.escape(value)), node)
-        self.assertEqual(14, len(node.stdout.splitlines()), node)
+    def test_launch_hands_the_goal_to_the_client_and_ends_with_it_and_a_wrong_one_is_not_an_earlier_runs(self, master):
+        check_client(launch(master, "number_of_minutes:=2"), 0, 2)
+        eventually(lambda: not nodes(master), "no node left")
+        self.assertFalse(master.api.hasParam("/action_client"), "a parameter for the client's next run")
+        wrong = launch(master, "number_of_minutes:=x")
+        self.assertIn("number_of_minutes is 'x', must be a whole number", wrong.expect("must be").string)
+        self.assertIn("this one is from the launch", wrong.stderr)
+        wrong.wait()
+
+    def test_launch_has_seven_minutes_unless_told_otherwise_and_without_client_the_server_stays(self, master):
+        self.assertIn("/launched_client/number_of_minutes: 7\n", run("roslaunch", "--dump-params", *LAUNCH))
+        server = launch(master, "client:=false")
+        eventually(lambda: nodes(master) == ["/action_server"], "the server alone", server)
+        check_client(master.node("action_client.py", "_number_of_minutes:=1"), 0, 1)
+        self.assertTrue(server.running(), server)
+        server.signal(signal.SIGINT)
+        self.assertEqual(0, server.wait(), server)
 
     def test_ctrl_c_while_a_node_starts_is_one_line_at_most(self, master):
         whole = master.node("action_server.py")
