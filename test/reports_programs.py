@@ -3,7 +3,6 @@
 
 A node with the program's name; NAME is that of a function here. What it prints is its finding.
 """
-import faulthandler
 import gc
 import os
 import sys
@@ -69,7 +68,6 @@ def works():
     server = actionlib.SimpleActionServer("works", WashTheDishesAction, None, False)
     server.register_goal_callback(work)
     server.start()
-    print("ready", flush=True)
     rospy.spin()
 
 
@@ -80,23 +78,24 @@ def fails():
     raise rospy.ROSException("failed")
 
 
-def clock_set_back(after):
-    """A goal on a clock that was set back after what its argument names."""
+def clock_set_back():
+    """For each case a server of its own, and a goal on a clock that was set back then."""
     clock = SimulatedClock()
-    serve("work")
-    client = meet("work")
-    client.send_goal(WashTheDishesGoal(int(after != "ended")))
-    eventually(lambda: client.get_state() != GoalStatus.PENDING, "a goal that runs, or has ended")
-    if after == "cancelled":
-        client.cancel_goals_at_and_before_time(clock.now)
-    if after in ("ended", "cancelled"):
-        client.wait_for_result()
-    clock.set(clock.now - rospy.Duration(300))
-    if after == "heartbeat":
-        later = clock.now + rospy.Duration(1)
-        eventually(lambda: clock.turn(0.1) or later < client.action_client.last_status_msg.header.stamp <= clock.now,
-                   "a heartbeat", timeout=10)
-    print(NAMES[client.send_goal_and_wait(WashTheDishesGoal())])
+    for number, case in enumerate(("after a goal", "after a cancel up to then", "during a goal", "for a heartbeat")):
+        serve("work_%d" % number)
+        client = meet("work_%d" % number)
+        client.send_goal(WashTheDishesGoal(int(case != "after a goal")))
+        eventually(lambda: client.get_state() != GoalStatus.PENDING, "a goal that runs, or has ended")
+        if "cancel" in case:
+            client.cancel_goals_at_and_before_time(clock.now)
+        if "after" in case:
+            client.wait_for_result()
+        clock.set(clock.now - rospy.Duration(200))
+        if "heartbeat" in case:
+            later, status = clock.now + rospy.Duration(1), client.action_client
+            eventually(lambda: clock.turn(0.1) or later < status.last_status_msg.header.stamp <= clock.now,
+                       "a heartbeat", timeout=10)
+        print("%s: %s" % (case, NAMES[client.send_goal_and_wait(WashTheDishesGoal())]), flush=True)
 
 
 def clock_begins():
@@ -140,14 +139,10 @@ def leave_nothing():
     before = left()
     for number in range(20):
         come_and_go("more_%d" % number)
-    try:
-        # Requests of the master and what has just been stopped keep some for a while; a leak of ours would be 20.
-        eventually(lambda: all(now < then + 10 for now, then in zip(left(), before)),
-                   "threads, connections, objects after 20 more as after 3, %s" % (before,), timeout=10)
-    except AssertionError:
-        print(left(), *here)
-        faulthandler.dump_traceback()
-        raise
+    # Requests of the master and what has just been stopped keep some for a while; a leak of ours would be 20.
+    eventually(lambda: all(now < then + 10 for now, then in zip(left(), before)),
+               "threads, connections, objects after 20 more, %s, as after 3, %s" % (left(), before),
+               here, threading.enumerate(), timeout=10)
     print("nothing")
 
 
