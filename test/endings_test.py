@@ -13,10 +13,10 @@ import xmlrpc.client
 import xmlrpc.server
 
 import rosgraph
-import rosnode
 import rospy
 import rostest
 from actionlib.msg import TestRequestActionGoal
+from actionlib_msgs.msg import GoalStatusArray
 from rosgraph.network import encode_ros_handshake_header
 from rospy.impl.registration import get_registration_listeners
 from std_msgs.msg import Empty
@@ -25,36 +25,11 @@ from raw_client import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED, RawClien
 from actions_tutorial import robust
 from scenes import SLACK, NodeCase, Scene, check_quiet, concurrently
 from guest_servers import WAYS, Guest, polite
-from processes import PACKAGE, bound_socket, bowls, eventually, printed_bowls
+from processes import PACKAGE, bound_socket, bowls, eventually
 
 GUEST = os.path.join(PACKAGE, "test", "guest_servers.py")
 SHUTTING_DOWN = "the server is shutting down"
 STEERS = "\x1b[2J\nfake"  # clears a terminal, and begins a line
-
-
-class Watched(Scene):
-    """Keeps each status that comes: statuses ([GoalStatusArray])."""
-
-    def __init__(self, namespace):
-        self.statuses = []
-        super().__init__(namespace)
-
-    def on_status(self, message):
-        self.statuses.append(message)
-        super().on_status(message)
-
-    def shown(self, goal_id, state):
-        """Wait for a status in which the goal has that state (int). Returns the stamp of the first one."""
-        return self.wait(lambda: [
-            message.header.stamp for message in self.statuses for one in message.status_list
-            if (one.goal_id.id, one.status) == (goal_id, state)], "%s in state %d" % (goal_id, state))[0]
-
-
-def serve(scene, *arguments, **options):
-    """Start a node with one guest, and wait until messages go both ways. -> Process"""
-    server = scene.start(GUEST, *arguments, **options)
-    scene.wait_connected(server)
-    return server
 
 
 def busy(probe):
@@ -74,31 +49,22 @@ def peers_port(scene):
     return api(scene).requestTopic(rospy.get_name(), "/rosout", [["TCPROS"]])[2][2]
 
 
-def interrupt(_, server):
-    server.signal(signal.SIGINT)
-
-
-def rosnode_kill(scene, _):
-    rosnode.kill_nodes([scene.namespace + "/guest"])
-
-
-def signal_shutdown(scene, _):
-    rospy.Publisher(scene.namespace + "/guest/end", Empty, queue_size=1, latch=True).publish()
-
-
 KINDS = (
     "never_looks", "just_returns", "preempt_cb_raises", "preempt_cb_blocks", "goal_cb_and_thread", "goal_cb_loops",
     "own_names", "is_interrupted", "is_stopped", "hook_raises", "hook_blocks")
 
+# kind: the line by which a second goal is known to wait
+WAIT = {"never_looks": "told to stop", "preempt_cb_blocks": "blocks"}
+
 # title: how a node is told to end, how many tracebacks of its own program are in order, and its servers
 SHUTDOWNS = {
-    "two servers interrupted": (interrupt, 0, "never_looks", "sleeps"),
-    "two servers by rosnode kill": (rosnode_kill, 0, "sleeps", "never_looks"),
-    "two servers by signal_shutdown": (signal_shutdown, 0, "just_returns", "sleeps"),
-    "25 servers": (interrupt, 0, *("polite%d" % i for i in range(25))),
-    "all kinds of servers in one node": (interrupt, 2, "polite", "sleeps", *KINDS),
-    "a server that sleeps when main has ended": (interrupt, 0, "sleeps_when_main_has_ended"),
-    **{"a server that %s" % kind: (interrupt, "raises" in kind, kind) for kind in KINDS},
+    "two servers interrupted": ("SIGINT", 0, "never_looks", "sleeps"),
+    "two servers by rosnode kill": ("rosnode_kill", 0, "sleeps", "never_looks"),
+    "two servers by signal_shutdown": ("signal_shutdown", 0, "just_returns", "sleeps"),
+    "25 servers": ("SIGINT", 0, *("polite%d" % i for i in range(25))),
+    "all kinds of servers in one node": ("SIGINT", 2, "polite", "sleeps", *KINDS),
+    "a server that sleeps when main has ended": ("SIGINT", 0, "sleeps_when_main_has_ended"),
+    **{"a server that %s" % kind: ("SIGINT", "raises" in kind, kind) for kind in KINDS},
 }
 
 
@@ -114,21 +80,26 @@ def a_test_for_each(table, check):
     return decorate
 
 
-def shut_down(test, scene, tell, tracebacks, *kinds):
+def shut_down(test, scene, how, tracebacks, *kinds):
     """Each goal of each server ends within the second, the one that waits, too; the node within 2 s."""
     rospy.set_param(scene.namespace + "/actionlib_status_frequency", min(20, 100 // len(kinds)))
     server, due = scene.start(GUEST, *kinds), {}  # (probe, goal id): its ending
     order = []  # (probe, goal id, goal id that ends later)
     for kind in kinds:
         probe = (RawClient("%s/%s" % (scene.namespace, kind)) if kinds[1:] else scene).wait_connected(server)
-        due[probe, busy(probe)] = [(ABORTED, SHUTTING_DOWN)]
-        if kind == "never_looks":
+        runs = busy(probe)
+        due[probe, runs] = [(ABORTED, SHUTTING_DOWN)]
+        if kind in WAIT:
             waits = probe.send(5)
-            probe.wait(lambda: waits in probe.states, "a goal that waits")
+            server.expect(WAIT[kind])
             due[probe, waits] = [(RECALLED, SHUTTING_DOWN)]
-            order.append((probe, waits, next(goal_id for one, goal_id in due if one is probe)))
+            if kind == "never_looks":
+                order.append((probe, waits, runs))
     begun = time.monotonic()
-    tell(scene, server)
+    if how == "signal_shutdown":
+        rospy.Publisher(scene.namespace + "/guest/end", Empty, queue_size=1, latch=True).publish()
+    else:
+        scene.end(server, how, "guest")
     eventually(lambda: all(probe.results.get(goal_id) and probe.ended(goal_id) for probe, goal_id in due),
                "an ending of each goal", scene, *(probe for probe, _ in due), timeout=1 + SLACK)
     test.assertIsNotNone(server.wait(2 + SLACK - (time.monotonic() - begun)))
@@ -146,7 +117,7 @@ def shut_down(test, scene, tell, tracebacks, *kinds):
 
 def end(test, scene, kind, _, state, text, log):
     """The goal ends so, once; the next ones have their own; the log tells the truth, and steers no terminal."""
-    server = serve(scene, kind)
+    server = scene.server(GUEST, kind)
     goal_id = scene.send(5)
     ending = scene.wait_result(goal_id)
     test.assertEqual(state, ending.status.status, "%s\n%s" % (ending.status, server))
@@ -157,7 +128,7 @@ def end(test, scene, kind, _, state, text, log):
         scene.serves()
     if log:
         server.expect(log)
-    interrupt(scene, server)
+    server.signal(signal.SIGINT)
     server.wait()  # so that all is said
     test.assertEqual(1, len(scene.results[goal_id]), scene)
     said = server.stdout + server.stderr
@@ -166,14 +137,14 @@ def end(test, scene, kind, _, state, text, log):
     test.assertEqual(kind == "ending_twice", "To transition" in said, "one ending too many of %s" % server)
 
 
-@concurrently(Watched)
+@concurrently(Scene)
 @a_test_for_each({"shutdown of " + title: row for title, row in SHUTDOWNS.items()}, shut_down)
 @a_test_for_each({kind: (kind, *row) for kind, row in WAYS.items()}, end)
 class Endings(NodeCase):
 
-    def test_goal_that_comes_during_the_shutdown_is_recalled(self, scene):
-        for kind in "never_looks", "goal_cb_and_nap":
-            server = serve(scene, kind)
+    def test_goal_that_comes_during_the_shutdown_is_recalled_and_work_on_an_ended_one_has_no_effect(self, scene):
+        for kind in "goes_on", "goal_cb_and_nap":
+            server = scene.server(GUEST, kind)
             runs = busy(scene)
             server.signal(signal.SIGINT)
             server.expect("told to stop")  # less than a second is left
@@ -181,46 +152,28 @@ class Endings(NodeCase):
             self.assertEqual((RECALLED, SHUTTING_DOWN), (ending.status.status, ending.status.text), server)
             self.assertLess(ending.header.stamp, scene.wait_result(runs).header.stamp)
             server.wait()
-            self.assertEqual([], scene.bowls_of(ending.status.goal_id.id), server)
-
-    def test_goal_that_waits_behind_a_callback_that_blocks_is_recalled_on_shutdown(self, scene):
-        server = serve(scene, "preempt_cb_blocks")
-        busy(scene)
-        waits = scene.send(5)
-        server.expect("told to stop")
-        server.signal(signal.SIGINT)
-        ending = scene.wait_result(waits).status
-        self.assertEqual((RECALLED, SHUTTING_DOWN), (ending.status, ending.text), server)
-
-    def test_what_a_server_does_with_a_goal_that_the_shutdown_has_ended_is_of_no_account(self, scene):
-        server = serve(scene, "goes_on")
-        goal_id = busy(scene)
-        server.signal(signal.SIGINT)
-        server.wait()
-        self.assertEqual(bowls(1), scene.bowls_of(goal_id), server)
-        self.assertIn("did not stop within 1 s", server.stderr, server)
-        self.assertNotIn("ERROR", server.stderr, server)
-        ended = scene.wait_result(goal_id).header.stamp
-        self.assertEqual(1, sum(one.header.stamp > ended for one in scene.statuses),
-                         "statuses after the end of %s" % server)
+            self.assertEqual(([], bowls(1)), (scene.bowls_of(ending.status.goal_id.id), scene.bowls_of(runs)), server)
+            self.assertIn("did not stop within 1 s", server.stderr, server)
+            self.assertNotIn("ERROR", server.stderr, server)
+            self.assertEqual(scene.shown[runs, ABORTED], scene.status.header.stamp, "the last status of %s" % server)
 
     def test_result_comes_a_moment_after_the_feedback_and_its_status_next_without_a_heartbeat(self, scene):
         rospy.set_param(scene.namespace + "/actionlib_status_frequency", 0.1)
         for kind, head_start in ("polite", 0.004), ("goal_cb_and_thread", 0):
-            server = serve(scene, kind)
+            server = scene.server(GUEST, kind)
             server.expect("waits for goals", timeout=5)
             goal_id = scene.send(1)
             result = scene.check_ending(goal_id, SUCCEEDED, bowls(1)).header.stamp
             before = (result - scene.feedback[goal_id][0].header.stamp).to_sec()
             self.assertGreater(before, 0.019, "s between feedback and result of %s" % server)
-            after = (scene.shown(goal_id, SUCCEEDED) - result).to_sec()
+            after = (scene.shown[goal_id, SUCCEEDED] - result).to_sec()
             self.assertTrue(head_start <= after < 1, "%.4f s after the result of %s" % (after, server))
             server.stop()
 
     def test_server_of_whatever_making_serves_one_goal_at_a_time_and_ends_without_a_word(self, scene):
         for kind, complaints in ("polite", 0), ("is_started_often", 0), ("is_started_inside", 0), (
                 "goal_cb_accepts_twice", 3):  # of the library's, that none waits
-            server = serve(scene, kind)
+            server = scene.server(GUEST, kind)
             for _ in range(3):
                 ending = scene.wait_result(scene.send(1))
                 self.assertEqual((SUCCEEDED, bowls(1)), (ending.status.status, ending.result.dishes_washed), server)
@@ -231,36 +184,34 @@ class Endings(NodeCase):
             self.assertRegex(server.stderr, r"^(.*a new goal is not available.*\n){%d}$" % complaints, server)
 
     def test_cancel_wakes_a_sleep_though_the_callback_for_it_raises(self, scene):
-        serve(scene, "preempt_cb_raises_and_sleeps")
+        scene.server(GUEST, "preempt_cb_raises_and_sleeps")
         goal_id = busy(scene)
         scene.cancel(goal_id)
         scene.check_ending(goal_id, PREEMPTED, bowls(1))
 
     def test_newer_goal_wakes_the_thread_of_the_older_one_and_is_active_before_its_feedback(self, scene):
-        server, goals = serve(scene, "goal_cb_and_nap"), []
+        server, goals = scene.server(GUEST, "goal_cb_and_nap"), []
         while len(goals) < 5:
             goals.append(busy(scene))
             # A rate is the goal's that runs when it is made.
             eventually(lambda: server.stderr.count("sleeps") == len(goals), "a thread that sleeps", server)
-        late = [one for one in goals if scene.shown(one, ACTIVE) > scene.feedback[one][0].header.stamp]
+        scene.wait(lambda: all((one, ACTIVE) in scene.shown for one in goals), "a status of each that is ACTIVE")
+        late = [one for one in goals if scene.shown[one, ACTIVE] > scene.feedback[one][0].header.stamp]
         self.assertEqual([], late, "goals that were ACTIVE only after their feedback")
         eventually(lambda: server.stderr.count("slept to the end: False") == 4, "four who woke up", server, timeout=10)
 
     def test_server_that_lacks_threads_for_a_while_serves_those_who_come_later(self, scene):
-        server = serve(scene, "lacks_threads")
+        server = scene.server(GUEST, "lacks_threads")
         address = "localhost", peers_port(scene)
         scene.wait_bowls(scene.send(5), 2)
         for _ in range(3):
             with socket.create_connection(address) as peer:
                 self.assertTrue(select.select([peer], [], [], 5)[0], "expected the connection closed by %s" % server)
-        self.is_served(scene)
-
-    def test_silent_peers_of_a_node_of_rospys_hold_up_nobody(self, scene):
-        serve(scene, "with_silent_peers", INIT="rospy")
-        self.is_served(scene)
+        client = scene.client(1)
+        self.assertEqual(0, client.wait(), client)
 
     def test_client_that_went_without_a_word_and_comes_back_at_its_port_is_connected_within_seconds(self, scene):
-        serve(scene, "polite")
+        scene.server(GUEST, "polite")
         asked, bound, goals = [], bound_socket(), scene.action + "goal"
         self.addCleanup(bound.close)
         address = bound.getsockname()
@@ -294,17 +245,13 @@ class Endings(NodeCase):
             threading.Thread(target=request, args=[server], daemon=True).start()
             eventually(lambda: not server.execute_thread.is_alive(), "an end within 2 s", timeout=2 + SLACK)
 
-    def is_served(self, scene):
-        """A client of a server that ends its goals at once: on a busy machine the result may overtake the feedback."""
-        client = scene.client(1)
-        self.assertEqual((0, bowls(1)), (client.wait(), printed_bowls(client)[1]), client)
-
-    def test_node_of_rospys_with_a_stopped_terminal_serves_and_hears_sigterm(self, scene):
+    def test_node_of_rospys_with_silent_peers_and_a_stopped_terminal_serves_and_hears_sigterm(self, scene):
         read, write = os.pipe()
-        server = scene.start("bash", "-c", 'head -c 65536 /dev/zero; exec "$0" sleeps', GUEST, stdout=write,
+        server = scene.start("bash", "-c", 'head -c 65536 /dev/zero; exec "$0" with_silent_peers', GUEST, stdout=write,
                              INIT="rospy")
         scene.wait_connected(server)
-        scene.serves()
+        client = scene.client(1)
+        self.assertEqual(0, client.wait(), client)
         goal_id = busy(scene)
         server.signal(signal.SIGTERM)
         ending = scene.wait_result(goal_id)
@@ -314,25 +261,18 @@ class Endings(NodeCase):
             os.close(one)
 
     def test_frequency_of_the_status_that_makes_sense_is_kept(self, scene):
+        statuses = []
+        subscriber = rospy.Subscriber(scene.action + "status", GoalStatusArray, statuses.append)
+        self.addCleanup(subscriber.unregister)
         for frequency in 1, 20:
             rospy.set_param(scene.namespace + "/actionlib_status_frequency", frequency)
-            server = serve(scene, "is_started_often")
-            del scene.statuses[:]
-            scene.wait(lambda: len(scene.statuses) > 5 + frequency, "some of each status")
-            stamps = [message.header.stamp.to_sec() for message in scene.statuses]
+            server = scene.server(GUEST, "is_started_often")
+            del statuses[:]
+            scene.wait(lambda: len(statuses) > 5 + frequency, "some of each status")
+            stamps = [message.header.stamp.to_sec() for message in statuses]
             gaps = [after - before for before, after in zip(stamps, stamps[2:])]  # each sent twice would have one of 0
             self.assertAlmostEqual(2, statistics.median(gaps) * frequency, delta=0.5)
             server.stop()
-
-    def test_each_ending_is_shown_by_a_status_though_goals_are_forgotten_at_once(self, scene):
-        rospy.set_param(scene.action + "status_list_timeout", 0)  # that of 5 s is over as soon where the clock leaps
-        scene.server()
-        for _ in range(5):
-            scene.check_ending(scene.send(0), SUCCEEDED, [])
-        older = scene.send(9)
-        scene.wait_bowls(older, 1)
-        scene.cancel(older)
-        scene.check_ending(older, PREEMPTED, bowls(1))
 
     def test_second_server_of_an_action_names_the_node_of_the_first_and_none_that_is_gone(self, scene):
         def serves(server):
@@ -343,7 +283,7 @@ class Endings(NodeCase):
             check_quiet(server)
             return re.findall("%s.* (%s/[a-z]+)" % (scene.action[:-1], scene.namespace), server.stdout + server.stderr)
 
-        first = serve(scene, "polite", "__name:=first")
+        first = scene.server(GUEST, "polite", "__name:=first")
         second = scene.start(GUEST, "polite", "__name:=second")
         second.expect("%s.*%s/first" % (scene.action[:-1], scene.namespace))
         serves(second)

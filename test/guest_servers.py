@@ -167,7 +167,7 @@ def with_silent_peers(name):
     address = rospy.impl.tcpros_base.get_tcpros_server_address()
     peers = [socket.create_connection(address)]
     time.sleep(0.5)  # until rospy has accepted that
-    return Guest(name, polite), peers, socket.create_connection(address)
+    return Guest(name, sleep), peers, socket.create_connection(address)
 
 
 def that_is_stopped(name):
@@ -175,11 +175,6 @@ def that_is_stopped(name):
     server = Guest(name, go_on)
     rospy.on_shutdown(server.action_server.stop)
     return server
-
-
-def of_texts(name):
-    server = robust.SimpleActionServer(name, TestRequestAction, lambda _: server.set_succeeded(), False)
-    server.start()
 
 
 KINDS = {
@@ -190,7 +185,7 @@ KINDS = {
     "just_returns": lambda name: Guest(name, wait_for_stop),
     "preempt_cb_raises": lambda name: Guest(name, block, preempt_cb=dirty),
     "preempt_cb_raises_and_sleeps": lambda name: Guest(name, sleep, preempt_cb=dirty),
-    "preempt_cb_blocks": lambda name: Guest(name, block, preempt_cb=lambda _: say("told to stop") or block()),
+    "preempt_cb_blocks": lambda name: Guest(name, block, preempt_cb=lambda _: say("blocks") or block()),
     "goes_on": lambda name: rospy.on_shutdown(block) or Guest(name, go_on),
     "is_interrupted": lambda name: Guest(name, lambda one: loop(one) or throw(rospy.ROSInterruptException(DIRTY))),
     "goal_cb_and_thread": lambda name: Guest(name, sleep, in_a_thread),
@@ -206,7 +201,7 @@ KINDS = {
     "is_stopped": that_is_stopped,
     "is_started_often": lambda name: OwnStart(name, True),
     "is_started_inside": lambda name: OwnStart(name, False),
-    "of_texts": of_texts,
+    "of_texts": lambda name: robust.SimpleActionServer(name, TestRequestAction, lambda _: None),
 }
 
 # kind: what it does with a goal, the ending of that, its text (regex), and a line in the log (regex)

@@ -23,6 +23,7 @@ class RawClient:
 
     feedback, results: goal id -> its messages; states: goal id -> [status numbers in the order seen]; status: the last
     GoalStatusArray; times: (goal id, "sent", status number, bowl or "result") -> time.monotonic() of the first one;
+    shown: (goal id, status number) -> stamp of the first status that showed it;
     active_at_once: the most goals that one status message showed as ACTIVE or PREEMPTING.
     """
 
@@ -44,7 +45,7 @@ class RawClient:
     def forget(self):
         """Begin with nothing, as a new one."""
         with self.news:
-            self.feedback, self.results, self.states, self.times = {}, {}, {}, {}
+            self.feedback, self.results, self.states, self.times, self.shown = {}, {}, {}, {}, {}
             self.active_at_once = 0
 
     def close(self):
@@ -140,6 +141,7 @@ class RawClient:
                 seen = self.states.setdefault(status.goal_id.id, [])
                 if status.status not in seen[-1:]:
                     self.times.setdefault((status.goal_id.id, status.status), now)
+                    self.shown.setdefault((status.goal_id.id, status.status), message.header.stamp)
                     seen.append(status.status)
             active = [status for status in message.status_list if status.status in (ACTIVE, PREEMPTING)]
             self.active_at_once = max(self.active_at_once, len(active))

@@ -22,9 +22,9 @@ class Scene(RawClient, Group):
         RawClient.__init__(self, namespace)
         Group.__init__(self, ROS_NAMESPACE=namespace)
 
-    def server(self, script="action_server.py", **options):
+    def server(self, script="action_server.py", *arguments, **options):
         """Start a server, and wait until messages go both ways. -> Process"""
-        server = self.node(script, **options)
+        server = self.node(script, *arguments, **options)
         self.wait_connected(server)
         return server
 
@@ -33,10 +33,10 @@ class Scene(RawClient, Group):
         return self.node("action_client.py", "_number_of_minutes:=%d" % minutes,
                          *(arguments or ["_heartbeat_timeout:=20"]), **options)
 
-    def end(self, process, how):
-        """Tell a node (Process) with the name until_HOW to end, by a signal (its name) or by rosnode_kill."""
+    def end(self, process, how, name="until_rosnode_kill"):
+        """Tell a node (Process) to end, by a signal (its name) or by rosnode_kill, for which it needs its name."""
         if how == "rosnode_kill":
-            rosnode.kill_nodes([self.namespace + "/until_rosnode_kill"])
+            rosnode.kill_nodes(["%s/%s" % (self.namespace, name)])
         else:
             process.signal(getattr(signal, how))
 

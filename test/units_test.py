@@ -277,7 +277,7 @@ class Units(unittest.TestCase):
     def test_line_on_a_goal_is_shown_at_once_as_the_library_would_and_logged_later(self):
         said, (ours, theirs) = self.logged(), (io.StringIO(), io.StringIO())
         terminal = RosStreamHandler(stdout=ours)
-        with mock.patch.object(log, "_taken", [terminal]):
+        with mock.patch.object(log, "_taken", [terminal]), mock.patch.object(log, "_plain", [terminal]):
             for line in "a bowl", "a cup":
                 log.soon(functools.partial(str, line))
             for _ in range(2):
@@ -289,7 +289,7 @@ class Units(unittest.TestCase):
             log.catch_up()
             eventually(lambda: said and not log._terminal, "the long line")
             for number, other in enumerate((
-                    mock.patch.dict("os.environ", ROSCONSOLE_FORMAT="mine"), mock.patch.object(terminal, "level", 30),
+                    mock.patch.object(log, "_plain", []), mock.patch.object(terminal, "level", 30),
                     mock.patch.object(rospy.rostime, "is_wallclock", return_value=False),
                     mock.patch.object(log, "_terminal", mock.Mock(call=lambda write: write())))):
                 with other:
