@@ -118,6 +118,7 @@ class TestClient(NodeCase):
         for seconds in 5, 10:
             client.expect("waiting for .*%s/wash_dishes_as.* %d s" % (scene.namespace, seconds))
             self.assertGreater(client.lines[-1][0], seconds - 0.5, client)
+        self.assertLess(client.stderr.count("waiting for"), 10, client)
         self.assertEqual(client.stdout, "", "expected nothing on stdout")
         other.expect("waiting for")
         other.signal(signal.SIGINT)

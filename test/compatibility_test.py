@@ -119,8 +119,9 @@ class Compatibility(unittest.TestCase):
                   for side, kind in (("server", server), ("client", client)))):
             for value in values:
                 rospy.set_param(name, value)
-                with self.assertRaisesRegex(rospy.ROSInitException, r"^the \S.* cannot start: \S*%s is %s, must be " % (
-                        name.rpartition("/")[2], re.escape(repr(value)))):
+                words = r"^the \S.* cannot start: \S*{0} is {1}, must be .*`rosparam delete /\S*{0}`".format(
+                    name.rpartition("/")[2], re.escape(repr(value)))
+                with self.assertRaisesRegex(rospy.ROSInitException, words):
                     kind("work", TestAction)
                 rospy.delete_param(name)
 
@@ -137,6 +138,7 @@ class Compatibility(unittest.TestCase):
         client.gh = actionlib.ClientGoalHandle(CommStateMachine(TestActionGoal(), None, None, None, print))
         client.cancel_goal()
         self.assertEqual(GoalStatus.PENDING, client.get_state())
+        self.assertTrue(client.wait_for_result(PATIENCE), "what actionlib's says: the simple state is DONE")
 
 
 if __name__ == "__main__":

@@ -309,7 +309,7 @@ class Endings(NodeCase):
         server = scene.start(GUEST, "polite", "of_texts")
         probe = RawClient(scene.namespace + "/polite").wait_connected(server)
         for _ in range(2):  # the second one is told of
-            probe.send(1, STEERS)
+            probe.send(1, STEERS * 1000)
         goal = TestRequestActionGoal()
         goal.goal.result_text = STEERS
         rospy.Publisher(scene.namespace + "/of_texts/wash_dishes_as/goal", TestRequestActionGoal, latch=True,
@@ -318,8 +318,8 @@ class Endings(NodeCase):
             peer.sendall(encode_ros_handshake_header(dict(
                 callerid=STEERS, topic=probe.action + "status", md5sum=STEERS, type=STEERS)))
             peer.recv(1)
-        for line in "its id", "goal accepted.*result_text":
-            server.expect(line)
+        for line in "its id.*", "goal accepted.*result_text.*":
+            self.assertLess(len(server.expect(line).group()), 1000, server)
         self.assertNotRegex(server.stdout + server.stderr, re.compile("\x1b|^fake", re.MULTILINE), server)
 
 

@@ -75,6 +75,8 @@ class OwnStart(robust.SimpleActionServer):
         if self.turn.locked():
             say("two goals at a time")
         with self.turn:
+            while robust.log._soon:  # what it has to say of the goal, until the next heartbeat
+                time.sleep(0.02)
             self.set_succeeded(RESULT)
             time.sleep(0.5)
 
@@ -118,6 +120,7 @@ def go_on(server):
     time.sleep(1.3)
     server.wash("bowl-1")
     server.set_succeeded(RESULT)
+    server.action_server.publish_status()
 
 
 def throw(error):
@@ -153,7 +156,7 @@ def feed_wrongly(server):
 class Odd:
     """A result that fails with words of its own."""
 
-    dishes_washed = property(lambda _: throw(ValueError("a \ud800 bowl")))
+    dishes_washed = property(lambda _: throw(ValueError("a \ud800 \x1b[2J\nfake bowl")))
 
 
 # --- the servers ---
@@ -220,7 +223,8 @@ WAYS = {
     "result_of_another_class": (lambda one: one.set_succeeded(GoalID()), ABORTED, "(?i)result", ""),
     "result_that_is_no_message": (lambda one: one.set_aborted("bowl-0"), ABORTED, "(?i)result", ""),
     "feedback_that_is_wrong": (feed_wrongly, SUCCEEDED, "^raised$", ""),
-    "execute_cb_that_raises": (dirty, ABORTED, DIRTY, "Traceback"),
+    "execute_cb_that_raises": (
+        lambda _: throw(RuntimeError("\x1b[2J" + DIRTY)), ABORTED, DIRTY, "Traceback"),
     "execute_cb_that_calls_sys_exit": (lambda _: sys.exit(DIRTY), ABORTED, DIRTY, "Traceback"),
     "execute_cb_with_ctrl_c": (lambda _: throw(KeyboardInterrupt(DIRTY)), ABORTED, DIRTY, "Traceback"),
     "execute_cb_with_generator_exit": (lambda _: throw(GeneratorExit(DIRTY)), ABORTED, DIRTY, "Traceback"),

@@ -149,6 +149,15 @@ rospy.on_shutdown(lambda: print("hook", time.sleep(0.3)))
 send("{0}")
 so(rospy.is_shutdown, 30)
 """.format(name, code), "hook None", "motors off True", status=status, head=HEAD)
+        # And where a hook holds that up, in time.
+        self.says(master, """
+robust.shutdown.CLOSED_WITHIN = 0.5
+signal.signal(signal.SIGTERM, lambda *_: print("motors off"))
+robust.init_node("guest")
+rospy.on_shutdown(threading.Event().wait)
+send("TERM")
+so(rospy.is_shutdown, 30)
+""", "motors off", head=HEAD)
 
     def test_hooks_run_while_goals_end_after_the_main_program_has_heard_and_before_it_wakes_from_pause(self, master):
         self.says(master, """
@@ -164,6 +173,16 @@ while not rospy.is_shutdown():
     signal.pause()
 sys.exit(3)
 """, "True True", status=3)
+        # A handler of later does not hear the signal once more.
+        self.says(master, """
+heard = threading.Event()
+rospy.on_shutdown(lambda: print(heard.wait(1)))
+send("INT")
+so(rospy.core.is_shutdown_requested)
+signal.signal(signal.SIGINT, lambda *_: print("heard twice"))
+heard.set()
+so(rospy.is_shutdown)
+""", "True")
 
     def test_signal_ends_the_node_whatever_became_of_the_wake_up_descriptor_which_hears_of_nothing_else(self, master):
         none = "BlockingIOError(11, 'Resource temporarily unavailable')"
@@ -362,17 +381,18 @@ rospy.signal_shutdown("done")
         eventually(lambda: node.signal(signal.SIGTERM) or not node.running(), "an end", node, timeout=2 + SLACK,
                    pause=0.2)
 
-    def test_exit_status_of_a_stubborn_node_is_1_while_it_starts_or_its_goal_is_under_way(self, master):
+    def test_exit_status_of_a_stubborn_node_is_1_while_it_starts_and_unless_its_goal_has_succeeded(self, master):
         node = ready(master, "robust.node._rospy_init_node = lambda *_, **__: print('ready') or "
                              "threading.Event().wait()\nrobust.init_node('guest')", head=HEAD)
         node.signal(signal.SIGTERM)
         self.ends(node, status=1)
-        for goals, status in ([], 0), ([0, 0], 0), ([0, 1], 1):
+        for goals, status in ([], 0), ([0, 0], 0), ([0, 1], 1), ([0, 2], 1):
             node = ready(master, """
-server, client = pair(lambda goal: threading.Event().wait() if goal.goal else server.set_succeeded(), actionlib)
+server, client = pair(lambda goal: (server.set_succeeded, threading.Event().wait, server.set_aborted)[goal.goal](),
+                      actionlib)
 for goal in %r:
     client.send_goal(TestGoal(goal))
-    assert so(lambda: client.get_state() == (GoalStatus.ACTIVE if goal else GoalStatus.SUCCEEDED))
+    assert so(lambda: client.get_state() == (GoalStatus.SUCCEEDED, GoalStatus.ACTIVE, GoalStatus.ABORTED)[goal])
 print("ready")
 threading.Event().wait()
 """ % goals)
@@ -486,7 +506,8 @@ case(lambda: robust.init_node("x"), lambda: robust.get_param("~n", 7))
 
     def test_client_and_server_of_a_node_do_without_the_master_but_not_without_the_node(self, master):
         """And they take no random numbers from the program, and leave no files open, of which Python would warn. A goal
-        that has ended is the current one until the next is accepted."""
+        that has ended is the current one until the next is accepted, also of a server that was started again, as
+        actionlib's can be; one that was stopped ends without a word."""
         node = self.says(master, """
 def execute(goal):
     mine = server.current_goal.get_goal_id().id
@@ -497,12 +518,17 @@ def execute(goal):
             print(server.current_goal.get_goal_id().id == mine)
 
 random.seed(1)
-server, client = pair(execute)
+server = robust.SimpleActionServer("work", TestAction, execute, True)
+server.action_server.stop()
+server.action_server.start()
+client, idle = [robust.SimpleActionClient("work", TestAction) for _ in range(2)]
+client.wait_for_server()
 print([client.send_goal_and_wait(TestGoal(more)) for more in (1, 0)])
 print(random.random() == random.Random(1).random())
 os.kill(rosgraph.Master("").getPid(), signal.SIGKILL)
 so(lambda: not rosgraph.is_master_online())
 print(client.wait_for_server(10), outcome(robust.SimpleActionClient, "/other", TestAction).partition(":")[0])
+server.action_server.stop()
 rospy.signal_shutdown("done")
 print(outcome(client.send_goal, TestGoal()))
 """, "True", "[3, 3]", "True", "True CannotStart('the client of /other cannot start",

@@ -79,11 +79,12 @@ class HostileInput(NodeCase):
         peers, both = [], itertools.cycle(ports(server))
 
         def are_used_up():
+            full = server.usage.num_fds() >= 256  # so those that knock now have to wait
             for _ in range(4 if len(peers) < 900 else 0):  # at once, most would have to knock again, and again
                 peers.append(socket.socket())
                 peers[-1].setblocking(False)
                 peers[-1].connect_ex(("localhost", next(both)))
-            return server.usage.num_fds() >= 255
+            return full
 
         eventually(are_used_up, "no more files for the server", server)
         for peer in peers:

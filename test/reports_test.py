@@ -12,8 +12,10 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from unittest import mock
 
+import genpy
 import rospy
 import rostest
+from actionlib.simple_action_client import SimpleGoalState
 from actionlib_msgs.msg import GoalStatus
 from rospy.impl.tcpros_base import get_tcpros_server_address
 from std_msgs.msg import String
@@ -93,7 +95,7 @@ class Reports(NodeCase):
         self.assertIn("server lost: silent for", client.get_goal_status_text(), server)
         client.send_goal(WashTheDishesGoal(0))  # a second try has a time-out of its own
         self.assertEqual(PENDING, client.get_state(), server)
-        self.assertFalse(client.wait_for_server(1.2), server)
+        self.assertFalse(client.wait_for_server(3.0), server)  # a question may take 2 s
         server.signal(signal.SIGCONT)
         self.assertTrue(client.wait_for_result(PATIENCE), server)
         self.assertIsNone(client.get_failure(), server)
@@ -106,12 +108,14 @@ class Reports(NodeCase):
     def test_failure_is_told_of_a_server_that_is_none_or_not_heard_of_a_goal_without_an_end_and_of_one_not_sent(
             self, place):
         nobody = client_of(place.namespace + "/nobody")
+        self.assertEqual("no goal was sent", nobody.get_failure())
+        self.assertIn("no goal", nobody.get_goal_status_text())
         self.assertFalse(nobody.wait_for_server(rospy.Duration(0.1)))
         self.assertRegex(nobody.get_failure(), "/nobody.* 0.1 s")
         self.assertEqual((False, None), (nobody.wait_for_result(), nobody.get_result()))
         nobody.cancel_goal()
         nobody.send_goal(WashTheDishesGoal(1))
-        self.assertIn("PENDING", nobody.get_failure())
+        self.assertEqual("goal PENDING: no ending so far", nobody.get_failure())
         with self.assertRaises(rospy.ROSSerializationException):
             nobody.send_goal(WashTheDishesGoal("many"))
         self.assertEqual(LOST, nobody.get_state())
@@ -121,7 +125,9 @@ class Reports(NodeCase):
         self.assertIn("PENDING", raw.client.get_failure())
         raw.status((goal, ACTIVE))
         self.assertIn("ACTIVE", raw.client.get_failure())
-        self.ends(raw, goal)
+        self.ends(raw, goal, ABORTED)
+        self.assertEqual("goal ABORTED: the server does not say why", raw.client.get_failure())
+        self.ends(raw, raw.send())
         for topic in "result", "feedback":
             self.assertIsNone(raw.client.get_failure(), topic)
             raw.publishers[topic].unregister()
@@ -146,7 +152,7 @@ class Reports(NodeCase):
         self.assertFalse(any(raw.client.wait_for_result(0.001) for _ in range(100)))
         self.assertLess(time.monotonic() - begun, 8, "s for 100 waits of a millisecond")
         raw.result(goal)
-        for timeout in 30, 30.0, 0, rospy.Duration(30), rospy.Duration():
+        for timeout in 30, 30.0, 0, rospy.Duration(30), rospy.Duration(), genpy.Duration(30):
             self.assertTrue(raw.client.wait_for_result(timeout), timeout)
         self.assertEqual(PENDING, raw.client.send_goal_and_wait(WashTheDishesGoal(1), 0.2, 0.2))
 
@@ -193,6 +199,7 @@ class Reports(NodeCase):
                 goal = raw.ids[-1]
                 raw.status((goal, ACTIVE), wait=False)
                 self.assertTrue(waited.result(), raw)
+            self.assertEqual(SimpleGoalState.ACTIVE, raw.client.simple_state, "that of the next goal")
             self.assertEqual([False] * count, waited_inside, raw)
             self.assertFalse(raw.client.wait_for_result(rospy.Duration(0.3)), raw)
         self.ends(raw, goal, count=4)
@@ -265,6 +272,10 @@ class Reports(NodeCase):
     def test_nothing_of_an_older_goal_reaches_the_newer_one(self, place):
         raw, told = place.meet(), mock.Mock()
         older, handle = raw.send(done_cb=told, active_cb=told, feedback_cb=told), raw.client.gh
+        threads = ThreadPoolExecutor(1)
+        self.addCleanup(threads.shutdown)
+        waited = threads.submit(raw.client.wait_for_result, PATIENCE)
+        self.assertFalse(raw.client.wait_for_result(rospy.Duration(0.2)))
         newer = raw.send()
         raw.feedback(older, "bowl-0")
         raw.status((older, ACTIVE), (newer, PENDING))
@@ -275,6 +286,7 @@ class Reports(NodeCase):
         self.assertEqual((PENDING, PREEMPTED), (raw.client.get_state(), handle.get_goal_status()), raw)
         self.assertFalse(raw.client.wait_for_result(rospy.Duration(0.2)))
         self.ends(raw, newer)
+        self.assertTrue(waited.result(), "whoever waited for the older goal waits for the newer one: %s" % raw)
         self.assertEqual(([], [], [(SUCCEEDED, bowls(1))]), (told.mock_calls, raw.fed, raw.done), raw)
 
     def test_answer_that_comes_before_send_goal_returns_is_heard(self, place):
@@ -331,17 +343,22 @@ class Reports(NodeCase):
     def test_older_goal_is_not_told_to_the_callbacks_of_the_newer_one_which_is_sent_meanwhile(self, place):
         raw, reads, told = place.meet(), threading.Event(), mock.Mock()
 
-        def done_cb(client):
-            reads.set()
-            time.sleep(0.3)
-            return vars(client)["done_cb"]
+        def slow(name):
+            def read(client):
+                reads.set()
+                time.sleep(0.3)
+                return vars(client)[name]
 
-        raw.client.__class__ = type("Slow", (type(raw.client),), {
-            "done_cb": property(done_cb, lambda client, callback: vars(client).update(done_cb=callback))})
-        raw.result(raw.send(), wait=False)
-        self.assertTrue(reads.wait(30), raw)
-        raw.client.send_goal(WashTheDishesGoal(2), told, told)
-        raw.result("nobody's")  # the topic keeps its order: the other one was heard
+            return property(read, lambda client, callback: vars(client).update({name: callback}))
+
+        raw.client.__class__ = type("Slow", (type(raw.client),), dict(
+            done_cb=slow("done_cb"), feedback_cb=slow("feedback_cb")))
+        for hear, *what in (raw.feedback, "bowl-0"), (raw.result,):
+            reads.clear()
+            hear(raw.send(), *what, wait=False)
+            self.assertTrue(reads.wait(30), raw)
+            raw.client.send_goal(WashTheDishesGoal(2), told, told, told)
+            hear("nobody's", *what)  # the topic keeps its order: the other one was heard
         self.assertEqual([], told.mock_calls, raw)
 
     def test_state_is_an_ending_when_the_result_is_there_and_not_before(self, place):
@@ -422,6 +439,12 @@ class Reports(NodeCase):
             raw.eventually(lambda: raw.status() or waited.done(), "an end of the wait", timeout=1 + SLACK)
         self.assertEqual((LOST, [(LOST, None)]), (raw.client.get_state(), raw.done), raw)
         raw.eventually(lambda: raw.cancels == [goal], "a cancel, in case the server is only asleep")
+        raw.send()
+        with ThreadPoolExecutor(1) as thread:
+            waited = thread.submit(raw.client.wait_for_result, PATIENCE)
+            self.assertFalse(raw.client.wait_for_result(0.2), raw)
+            raw.client.stop_tracking_goal()
+            self.assertFalse(waited.result(), raw)
         raw.send()
         raw.client.action_client.stop()
         self.assertFalse(raw.client.wait_for_result(PATIENCE), raw)

@@ -66,6 +66,8 @@ class StartFaults(unittest.TestCase):
         check_client(master.node("action_client.py", "wash_dishes_as:=other", "__name:=right", "_number_of_minutes:=1"),
                      0, 1)
         self.assertEqual(1, server.stdout.count("goal accepted"), server)
+        master.api.setParam("/other/status_frequency", "fast")
+        self.refused(master.node("action_server.py", "wash_dishes_as:=other"), 1, "/other/status_frequency is 'fast'")
 
     def test_what_stops_a_node_whatever_its_parameters_is_named_in_one_line_and_help_is_given_even_so(self, master):
         nowhere = dict(ROS_MASTER_URI="localhost:11311")

@@ -27,8 +27,10 @@ from unittest import mock
 import actionlib
 import rospy
 import rosunit
-from actionlib.msg import TestActionFeedback, TestActionGoal, TestActionResult
-from actionlib_msgs.msg import GoalID, GoalStatus
+from actionlib.msg import TestAction, TestActionFeedback, TestActionGoal, TestActionResult
+from actionlib import CommState
+from actionlib.simple_action_client import SimpleGoalState
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from rosgraph.network import encode_ros_handshake_header
 from rosgraph.roslogging import RosStreamHandler
 from rospy.impl import registration, tcpros_base
@@ -101,6 +103,7 @@ class Units(unittest.TestCase):
         for argument, status, words in (  # start_faults_test.py has more of them
                 ("_n:=10", 2, "~n is 10, must be a whole number from 0 to 9"), ("-h", 0, "how to"),
                 ("_m:=3", 2, "unknown parameter ~m, must be one of ~n"), ("--n=3", 2, "unknown argument '--n=3'"),
+                ("/n:=3", 2, "'/n:=3' renames a topic, must be _n:=3"), (":=3", 2, "unknown argument ':=3'"),
                 ("~n:=3", 2, "'~n:=3' renames a topic, must be _n:=3"),
                 ("_name:=x", 2, "unknown parameter ~name, must be one of ~n; __name:=VALUE names the node")):
             said = io.StringIO()
@@ -109,6 +112,9 @@ class Units(unittest.TestCase):
                 robust.init_node("node", usage="how to", parameters={"~n": (7, 0, 9)})
             self.assertEqual((status, 1), (end.exception.code, said.getvalue().count("\n")), said.getvalue())
             self.assertIn(words, said.getvalue())
+        with arguments("--help"), contextlib.redirect_stderr(io.StringIO()), self.assertRaises(SystemExit) as end:
+            robust.init_node("node", ["node", "3"], usage="how to")
+        self.assertEqual(2, end.exception.code, "arguments that the program gives count, not those of sys.argv")
 
     def test_master_uri_that_is_none_is_named(self):
         for uri in "localhost:11311", "http://", "http://localhost", "http://localhost:port", "http://:1", \
@@ -174,9 +180,12 @@ class Units(unittest.TestCase):
 
         before = process()
         with mock.patch.object(atexit, "register") as added, mock.patch.object(atexit, "unregister") as removed, \
-                mock.patch.dict("os.environ", ROS_MASTER_URI="http://localhost:1"), \
-                self.assertRaisesRegex(rospy.ROSInitException, "no master"), arguments("_server_timeout:=0.01"):
-            robust.init_node("node", parameters={"~server_timeout": (0.0, 0, 1)})
+                mock.patch.dict("os.environ", ROS_MASTER_URI="http://localhost:1"), arguments("_server_timeout:=0.01"):
+            with self.assertRaisesRegex(rospy.ROSInitException, "no master"):
+                robust.init_node("node", parameters={"~server_timeout": (0.0, 0, 1)})
+            with mock.patch.object(node, "_wait_for_master", side_effect=KeyboardInterrupt), \
+                    arguments("--help"), self.assertRaises(KeyboardInterrupt):  # without usage, --help is not ours
+                robust.init_node("node", disable_signals=True)
         with warnings.catch_warnings(record=True) as said, self.assertRaisesRegex(ValueError, "namespaces"):
             warnings.simplefilter("always")
             robust.init_node("a/b")
@@ -231,6 +240,7 @@ class Units(unittest.TestCase):
             self.assertEqual(1, len(shutdown._endings))
             shutdown._endings.append(weakref.WeakMethod(Server().end))  # forgotten since
             shutdown._end_all_goals()
+            log._Caller(0).call(print)  # nor does the log fail
         self.assertEqual([server], ended)
 
     def test_exception_of_a_start_in_another_thread_ends_it_with_a_traceback(self):
@@ -238,6 +248,11 @@ class Units(unittest.TestCase):
             self.assertNotIsInstance(thread.submit(internals.cannot_start, "").result(), SystemExit)
 
     def test_master_that_nobody_reaches_is_an_error_that_rospy_expects_and_another_protocol_is_no_answer(self):
+        with self.assertRaises(xmlrpc.client.ProtocolError):
+            internals.impatient_proxy("http://localhost:1").getPid("/node")
+        with self.assertRaises(internals.NO_ANSWER):
+            internals.ask("", "getPid")
+
         def answer(said):
             peer, _ = other.accept()
             with peer:
@@ -246,8 +261,6 @@ class Units(unittest.TestCase):
                     asked += peer.recv(1000)
                 peer.sendall(said)
 
-        with self.assertRaises(xmlrpc.client.ProtocolError):
-            internals.impatient_proxy("http://localhost:1").getPid("/node")
         with socket.create_server(("localhost", 0)) as other, ThreadPoolExecutor(1) as thread:
             for said in b"?\r\n", b"HTTP/1.1 200 OK\r\nContent-Length: 17\r\n\r\n<html><br></html>":
                 thread.submit(answer, said)
@@ -291,6 +304,7 @@ class Units(unittest.TestCase):
             for number, other in enumerate((
                     mock.patch.object(log, "_plain", []), mock.patch.object(terminal, "level", 30),
                     mock.patch.object(rospy.rostime, "is_wallclock", return_value=False),
+                    mock.patch.object(log, "_takes_a_line", lambda stream: stream is not ours),
                     mock.patch.object(log, "_terminal", mock.Mock(call=lambda write: write())))):
                 with other:
                     log.soon(lambda: "a plate")
@@ -302,7 +316,7 @@ class Units(unittest.TestCase):
         for line in "a bowl", "a cup":
             RosStreamHandler(stdout=theirs).emit(record(line))
         self.assertEqual(*(re.sub(r"\d+", "0", stream.getvalue()) for stream in (ours, theirs)))
-        self.assertEqual(["x" * 5000] + ["a plate"] * 4, said)
+        self.assertEqual(["x" * 5000] + ["a plate"] * 6, said)
 
     def test_line_waits_for_the_stream_that_it_goes_to_and_where_none_can_be_asked_for_none(self):
         handler, write = mock.Mock(_stdout="takes a line", _stderr="is stopped"), mock.Mock()
@@ -316,10 +330,13 @@ class Units(unittest.TestCase):
         for error in AttributeError, OSError, ValueError:
             self.assertTrue(log._takes_a_line(mock.Mock(fileno=mock.Mock(side_effect=error))))
 
-    def test_complaint_of_the_log_that_nobody_can_be_told_is_no_error(self):
+    def test_complaint_of_the_log_names_what_it_cannot_log_to_and_where_nobody_can_be_told_is_no_error(self):
         for stderr in None, mock.Mock(write=mock.Mock(side_effect=OSError)):
             with mock.patch.object(sys, "stderr", stderr):
                 log._say_once(mock.Mock(), [], None)
+        with contextlib.redirect_stderr(io.StringIO()) as said:
+            log._say_once(mock.Mock(spec=[]), [], None)
+        self.assertIn("cannot log to the terminal", said.getvalue())
 
     def test_log_s_own_stream_has_the_encoding_of_stdout_and_leaves_it_open(self):
         with mock.patch.object(sys, "__stdout__", io.TextIOWrapper(io.BytesIO(), "latin-1")):
@@ -364,12 +381,13 @@ class Units(unittest.TestCase):
         said = self.logged()
         with closer() as one, mock.patch.object(shutdown, "CLOSED_WITHIN", 0):
             log._soon.append(lambda: "first")
-            log._others.call(lambda: eventually(lambda: said, "the first") and said.append("second"))
+            log._others.call(lambda: eventually(lambda: said, "the first") and said.append("second") or
+                             log._terminal.call(lambda: threading.Event().wait(0.2) or said.append("third")))
             rospy.core.signal_shutdown = one._signal_shutdown  # as begin() does
             one._begun = time.monotonic()
             one._finish()
             self.assertIs(rospy.signal_shutdown, rospy.core.signal_shutdown, "who would end the node once more")
-        self.assertEqual(["first", "second"], said)
+        self.assertEqual(["first", "second", "third"], said)
 
     def test_line_on_a_goal_that_another_thread_has_just_taken_is_no_error(self):
         with mock.patch.object(log, "_soon", mock.MagicMock(popleft=mock.Mock(side_effect=IndexError))):
@@ -377,7 +395,7 @@ class Units(unittest.TestCase):
 
     def test_stdout_stays_and_a_child_gets_pythons_own_back(self):
         for errors, ours in ("strict", "backslashreplace"), ("surrogateescape", "surrogateescape"):
-            stream = io.TextIOWrapper(io.BytesIO(), "ascii", errors)
+            stream = io.TextIOWrapper(io.BytesIO(), "ascii", errors, line_buffering=True)
             stream.buffer.name = "<stdout>"
             with mock.patch.multiple(sys, stdout=stream, __stdout__=stream):
                 stdout.take_over(print)
@@ -418,13 +436,30 @@ class Units(unittest.TestCase):
         for one in goal, newer:
             one.look.assert_called_once_with(0)
 
+    def test_watcher_of_goals_ends_when_there_is_none_that_runs_and_with_the_node(self):
+        for goal, is_down in (None, False), (mock.Mock(simple_state=SimpleGoalState.DONE), False), (mock.Mock(), True):
+            watched = mock.MagicMock(_SimpleActionClient__goal=mock.Mock(side_effect=[goal]))
+            with mock.patch.object(rospy, "get_time", return_value=1), \
+                    mock.patch.object(rospy, "is_shutdown", return_value=is_down):
+                robust.SimpleActionClient._SimpleActionClient__watch(watched)
+            self.assertIsNone(watched._SimpleActionClient__watcher, "who would look after the next goal")
+
+    def test_goal_that_nobody_confirms_is_sent_again_each_second_for_4_s_or_while_the_server_speaks_of_others(self):
+        for speaks_of_others, begun, sent, count in (
+                (False, 3, 0.5, 0), (False, 3, 1.5, 1), (False, 9, 1.5, 0), (True, 9, 1.5, 1)):
+            goal, now = mock.Mock(silence=0.0, state=CommState.WAITING_FOR_GOAL_ACK), time.monotonic()
+            goal.look.return_value, goal.begun_at, goal.sent_at = speaks_of_others, now - begun, now - sent
+            with mock.patch.object(client, "LOOKS", 0):
+                self.watch(goal)
+            self.assertEqual(count, goal.send_again.call_count, (speaks_of_others, begun, sent))
+
     def test_goal_that_waited_for_a_busy_server_is_not_lost_when_that_speaks_of_others_at_last(self):
         goal, _ = self.goal_and_result(None)
         for passed_over, mentioned, silence, ignored in (
                 (False, False, 5, 0), (True, False, 10, 5), (True, False, 15, 10), (True, True, 0, 0)):
             goal.passed_over, goal.mentioned = passed_over, mentioned
             self.assertEqual(passed_over and not mentioned, goal.look(5))
-            self.assertEqual((silence, ignored), (goal.silence, goal.ignored))
+            self.assertEqual((silence, ignored, False), (goal.silence, goal.ignored, goal.passed_over))
         other, ignored = self.goal_and_result(None)[0], []
         for other.topic in "elsewhere", goal.topic:  # where the result waits behind the callback
             goal.passed_over, goal.mentioned = True, False
@@ -434,16 +469,19 @@ class Units(unittest.TestCase):
         self.watch(busy, busy, _SimpleActionClient__server_lives=lives)
         self.assertEqual(([], 1), (busy.lose.mock_calls, lives.call_count))
 
-    def test_feedback_of_the_goal_not_of_another_is_a_word_about_it_and_while_a_callback_runs_there_is_no_silence(self):
+    def test_feedback_and_status_of_the_goal_not_of_another_are_words_about_it_and_a_callback_is_no_silence(self):
         goal, _ = self.goal_and_result(None)
-        goal.feedback_cb, feedback = mock.Mock(), TestActionFeedback()
+        goal.feedback_cb = mock.Mock()
         with ThreadPoolExecutor(1) as thread:
             for goal_id, held, silence in ("other", None, 5), ("id", None, 0), ("other", goal.mutex, 0):
-                goal.mentioned, feedback.status.goal_id.id = False, goal_id
-                goal.update_feedback(feedback)
-                with held or contextlib.nullcontext():  # as active_cb is called
-                    self.assertFalse(thread.submit(goal.look, 5).result())
-                self.assertEqual(silence, goal.silence, goal_id)
+                status = GoalStatus(goal_id=GoalID(id=goal_id))
+                for hear, message in ((goal.update_feedback, TestActionFeedback(status=status)),
+                                      (goal.update_status, GoalStatusArray(status_list=[status]))):
+                    goal.silence, goal.mentioned = 0, False
+                    hear(message)
+                    with held or contextlib.nullcontext():  # as active_cb is called
+                        thread.submit(goal.look, 5).result()
+                    self.assertEqual(silence, goal.silence, (goal_id, message))
 
     def test_feedback_that_nobody_wants_is_no_error(self):
         robust.SimpleActionClient._handle_feedback(mock.MagicMock(feedback_cb=None), mock.Mock(), None)
@@ -633,16 +671,30 @@ class Units(unittest.TestCase):
         registration.get_registration_listeners().add_listener(listener)
         self.addCleanup(registration.get_registration_listeners().listeners.remove, listener)
         peers.serve_all_peers()
-        listener.publisher_update("another", ["uri"])
+        listener.publisher_update("another", ["elsewhere"])
         for uris in ["uri", "other"], ["uri"], []:
             listener.publisher_update("topic", uris)
-        self.assertEqual([("another", ["uri"]), ("topic", ["uri", "other"])], listener.updates)
+        self.assertEqual([("another", ["elsewhere"]), ("topic", ["uri", "other"])], listener.updates)
+        mended = listener.handler._connect_topic
+        peers.serve_all_peers()
+        self.assertIs(mended, listener.handler._connect_topic, "mended once")
 
     def test_peer_that_waits_for_another_in_vain_leaves_the_lock_to_that(self):
         once = iter([lambda: connect("topic", "uri")])
         connect = peers._OneAtATime(lambda *_: next(once, lambda: None)())
         with mock.patch.object(peers, "ANSWERS_WITHIN", 0):
             connect("topic", "uri")
+
+    def test_peer_whose_connection_fails_leaves_the_lock_to_the_next(self):
+        lock = threading.Lock()
+        with self.assertRaises(OSError):
+            peers._in_turn(lock, mock.Mock(side_effect=OSError))
+        self.assertFalse(lock.locked())
+
+    def test_port_that_is_none_is_named(self):
+        for port in 70000, "11311":
+            with self.assertRaisesRegex(rospy.ROSInitException, "^tcpros_port is %r: " % port):
+                peers.check_port("tcpros_port", port)
 
     def test_period_begins_with_a_simulated_clock_that_begins_during_a_sleep_and_after_one_set_back_with_its_end(self):
         self.addCleanup(rospy.rostime.switch_to_wallclock)
@@ -660,6 +712,19 @@ class Units(unittest.TestCase):
                 self.assertTrue(slept.result(10))
             self.assertEqual(end, a_rate.last_time.to_sec())
 
+    def test_whoever_wakes_one_rate_wakes_all(self):
+        def sleep():
+            with clock:
+                asleep.append(1)
+                return clock.wait(10)
+
+        clock, asleep = threading.Condition(), []
+        with mock.patch.object(rospy.rostime, "get_rostime_cond", return_value=clock), ThreadPoolExecutor(2) as threads:
+            slept = [threads.submit(sleep) for _ in range(2)]
+            eventually(lambda: len(asleep) == 2, "two that sleep")
+            rate.wake()
+            self.assertEqual([True, True], [one.result() for one in slept])
+
     def test_loop_of_a_server_that_needs_to_terminate_does_not_wait(self):
         asked = mock.MagicMock(is_new_goal_available=lambda: False)
         type(asked).need_to_terminate = mock.PropertyMock(side_effect=[False, True, True])
@@ -674,6 +739,19 @@ class Units(unittest.TestCase):
             one.internal_cancel_callback(GoalID(stamp=rospy.Time(5)))
         self.assertEqual(rospy.Time(5), one.last_cancel)
 
+    def test_goals_without_an_ending_are_those_that_came_and_wait_or_run(self):
+        one = server._ActionServer.__new__(server._ActionServer)
+        one.status_list = [mock.Mock(status=GoalStatus(status=state)) for state in range(10)]
+        one.status_list.append(mock.Mock(status=GoalStatus(status=GoalStatus.RECALLING), goal=None))  # a cancel's
+        self.assertEqual([GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING],
+                         [tracker.status.status for tracker in one.unended()])
+
+    def test_line_on_a_goal_has_its_plain_fields_if_any_and_no_more_than_60_letters_of_each(self):
+        said = server._plain_fields(GoalStatus(status=3, text="x" * 1000))
+        self.assertEqual(": status 3, text 'xxx", said[:21])
+        self.assertLess(len(said), 100)
+        self.assertEqual("", server._plain_fields(GoalStatusArray()))
+
     def test_goal_that_is_recalled_while_the_loop_takes_it_up_is_not_executed(self):
         asked = mock.Mock(is_active=lambda: False)
         robust.SimpleActionServer._SimpleActionServer__execute(asked, None)
@@ -687,6 +765,31 @@ class Units(unittest.TestCase):
                     mock.patch.object(rospy, "logwarn") as warned:
                 robust.SimpleActionServer._SimpleActionServer__look_for_twins(asked)
             self.assertEqual(started, warned.called)
+            self.assertIs(asked, server._servers["/action"])
+
+    def test_twin_that_lives_is_named_though_another_is_listed_that_is_gone_and_none_where_the_master_is_new(self):
+        asked = mock.Mock(_SimpleActionServer__name="/action")
+        asked.action_server.status_pub.resolved_name = "/action/status"
+        for publishers in [["/action/status", ["/one", "/other"]]], []:
+            with mock.patch.object(server, "ask", return_value=(publishers, [], [])), \
+                    mock.patch.object(server, "ask_node", side_effect=[OSError, 1]), \
+                    mock.patch.object(rospy, "logwarn") as warned:
+                robust.SimpleActionServer._SimpleActionServer__look_for_twins(asked)
+            self.assertEqual(bool(publishers), warned.called)
+
+    def test_goal_that_waits_while_the_node_ends_is_recalled_and_not_taken_up(self):
+        asked = mock.MagicMock(preempt_callback=None)
+        robust.SimpleActionServer._SimpleActionServer__ask_to_stop(asked)
+        asked.next_goal.set_canceled.assert_called_once()
+        self.assertFalse(asked.new_goal)
+
+    def test_goal_that_is_accepted_takes_over_from_one_that_runs_only(self):
+        one = robust.SimpleActionServer("work", TestAction, auto_start=False)
+        for count in 0, 1:
+            one.next_goal, one.new_goal = mock.Mock(), True
+            one.next_goal.get_goal_status().status = GoalStatus.ACTIVE
+            one.accept_new_goal()
+            self.assertEqual(count, one._SimpleActionServer__taken_over)
 
     def test_rate_that_serves_several_goals_ends_one_sleep_for_each_that_is_taken_over(self):
         asked = mock.Mock(_SimpleActionServer__taken_over=0, is_preempt_requested=lambda: False)
@@ -695,6 +798,8 @@ class Units(unittest.TestCase):
         before = stop_requested()
         asked._SimpleActionServer__taken_over = 1
         self.assertEqual([False, True, False], [before, stop_requested(), stop_requested()])
+        asked._SimpleActionServer__taken_over, asked._SimpleActionServer__taken_by = 2, threading.get_ident()
+        self.assertFalse(stop_requested(), "whoever has taken up the newer goal sleeps on")
 
 
 if __name__ == "__main__":
