@@ -752,9 +752,10 @@ class Units(unittest.TestCase):
         self.assertLess(len(said), 100)
         self.assertEqual("", server._plain_fields(GoalStatusArray()))
 
-    def test_goal_that_is_recalled_while_the_loop_takes_it_up_is_not_executed(self):
+    def test_goal_that_is_recalled_while_the_loop_takes_it_up_or_with_the_server_s_stop_is_not_executed(self):
         asked = mock.Mock(is_active=lambda: False)
-        robust.SimpleActionServer._SimpleActionServer__execute(asked, None)
+        for goal in None, TestActionGoal().goal:
+            robust.SimpleActionServer._SimpleActionServer__execute(asked, goal)
         self.assertEqual([], asked.mock_calls)
 
     def test_first_server_in_the_node_is_named_unless_it_was_stopped_also_where_no_master_answers(self):

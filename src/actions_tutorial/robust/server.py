@@ -168,8 +168,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 self.__execute(self.accept_new_goal())
 
     def __execute(self, goal):
-        if goal is None and not self.is_active():
-            return  # recalled in the moment in which the loop took it up
+        if not self.is_active():
+            return  # recalled before the loop took it up
         process = os.getpid()
         try:
             self.execute_callback(goal)
