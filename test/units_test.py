@@ -338,6 +338,16 @@ class Units(unittest.TestCase):
             log._say_once(mock.Mock(spec=[]), [], None)
         self.assertIn("cannot log to the terminal", said.getvalue())
 
+    def test_log_complains_of_nothing_until_its_handlers_say_so_once(self):
+        said = []
+
+        def say(*_, **__):
+            said.append(logging.raiseExceptions)
+
+        with mock.patch.object(log, "hold_nobody_up", say), mock.patch.object(node, "_rospy_init_node", say):
+            node._start((), {})
+        self.assertEqual([False, False, True], [*said, logging.raiseExceptions])
+
     def test_log_s_own_stream_has_the_encoding_of_stdout_and_leaves_it_open(self):
         with mock.patch.object(sys, "__stdout__", io.TextIOWrapper(io.BytesIO(), "latin-1")):
             own = log._own(sys.__stdout__)

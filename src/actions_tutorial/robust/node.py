@@ -50,12 +50,11 @@ def init_node(name: str, argv: Optional[List[str]] = None, anonymous: bool = Fal
         values, uri = _check(name, arguments, usage, parameters)
         closer.begin()  # from here on a signal ends the node, whatever the main thread waits for
         _wait_for_master(uri, dict(zip(parameters, values)).get("~server_timeout", 0))
-        handlers = _start(options, ports)
+        _start(options, ports)
         # Now that rospy's pieces are there, they are mended.
         record = rospy.client._init_node_args
         rospy.client._init_node_args = record[:-1] + (disable_signals,)  # for a library that calls rospy.init_node, too
         log.ask_the_master_once()
-        log.hold_nobody_up(handlers)
         stdout.take_over(closer.close)
         peers.serve_all_peers()
         closer.is_up()
@@ -152,7 +151,7 @@ def _wait_for_master(uri, timeout):
 
 
 def _start(options, ports):
-    """Returns the logging.Handlers that were added, without the program's own (ROS_PYTHON_LOG_CONFIG_FILE)."""
+    """Takes over the logging.Handlers that rospy adds, without the program's own (ROS_PYTHON_LOG_CONFIG_FILE)."""
     need("rospy", rospy.client, "_init_node_args")
     for name, port in ports.items():
         peers.check_port(name, port)
@@ -162,14 +161,14 @@ def _start(options, ports):
     peers.end_quietly()
     loggers = logging.getLogger(), logging.getLogger("rosout")
     before = [handler for logger in loggers for handler in logger.handlers]
-    # What goes wrong with them is said later: without it, a disk that is full costs a traceback for each line of log.
+    # What goes wrong with them is said then: without it, a disk that is full costs a traceback for each line of log.
     complain, logging.raiseExceptions = logging.raiseExceptions, False
     try:
         _rospy_init_node(*options, True, **ports)
+        log.hold_nobody_up(handler for logger in loggers for handler in logger.handlers if handler not in before
+                           and type(handler).__module__.split(".")[0] in ("logging", "rosgraph", "rospy"))
     finally:
         logging.raiseExceptions = complain
-    return [handler for logger in loggers for handler in logger.handlers if handler not in before
-            and type(handler).__module__.split(".")[0] in ("logging", "rosgraph", "rospy")]
 
 
 @contextlib.contextmanager
