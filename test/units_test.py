@@ -289,8 +289,12 @@ class Units(unittest.TestCase):
 
     def test_line_on_a_goal_is_shown_at_once_as_the_library_would_and_logged_later(self):
         said, (ours, theirs) = self.logged(), (io.StringIO(), io.StringIO())
-        terminal = RosStreamHandler(stdout=ours)
-        with mock.patch.object(log, "_taken", [terminal]), mock.patch.object(log, "_plain", [terminal]):
+        for environment in {"ROSCONSOLE_FORMAT": "mine"}, {}:
+            terminal = RosStreamHandler(stdout=ours)
+            with mock.patch.dict("os.environ", environment), mock.patch.multiple(log, _taken=[], _plain=[]):
+                log.hold_nobody_up([terminal])
+                self.assertEqual([] if environment else [terminal], log._plain)
+        with mock.patch.multiple(log, _taken=[terminal], _plain=[terminal]):
             for line in "a bowl", "a cup":
                 log.soon(functools.partial(str, line))
             for _ in range(2):
@@ -316,7 +320,7 @@ class Units(unittest.TestCase):
         for line in "a bowl", "a cup":
             RosStreamHandler(stdout=theirs).emit(record(line))
         self.assertEqual(*(re.sub(r"\d+", "0", stream.getvalue()) for stream in (ours, theirs)))
-        self.assertEqual(["x" * 5000] + ["a plate"] * 6, said)
+        self.assertEqual(["x" * 5000] + ["a plate"] * 5, said)
 
     def test_line_waits_for_the_stream_that_it_goes_to_and_where_none_can_be_asked_for_none(self):
         handler, write = mock.Mock(_stdout="takes a line", _stderr="is stopped"), mock.Mock()
