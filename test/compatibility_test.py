@@ -2,6 +2,7 @@
 """Servers and clients that were written for actionlib run on robust unchanged, and hear of a wrong parameter; the
 actions are actionlib's own."""
 import re
+import sys
 import threading
 import unittest
 from unittest import mock
@@ -121,7 +122,7 @@ class Compatibility(unittest.TestCase):
                 rospy.set_param(name, value)
                 words = r"^the \S.* cannot start: \S*{0} is {1}, must be .*`rosparam delete /\S*{0}`".format(
                     name.rpartition("/")[2], re.escape(repr(value)))
-                with self.assertRaisesRegex(rospy.ROSInitException, words):
+                with mock.patch.object(sys, "argv", []), self.assertRaisesRegex(rospy.ROSInitException, words):
                     kind("work", TestAction)
                 rospy.delete_param(name)
 
