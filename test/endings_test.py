@@ -54,7 +54,7 @@ KINDS = (
     "own_names", "is_interrupted", "is_stopped", "hook_raises", "hook_blocks")
 
 # kind: the line by which a second goal is known to wait
-WAIT = {"never_looks": "told to stop", "preempt_cb_blocks": "blocks"}
+WAIT = {"never_looks": "told to stop", "preempt_cb_blocks": "^blocks"}
 
 # title: how a node is told to end, how many tracebacks of its own program are in order, and its servers
 SHUTDOWNS = {
