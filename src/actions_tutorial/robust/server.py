@@ -55,6 +55,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         self.__taken_over = 0  # goals in whose midst a newer one was accepted
         self.__taken_by: Optional[int] = None  # the thread that did it last
         self.__fed_back = 0.0  # time.monotonic() of the last feedback
+        self.__name = rospy.resolve_name(name)
         self.action_server = _ActionServer(
             self.__begin, name, ActionSpec, self.internal_goal_callback, self.internal_preempt_callback, False)
         self.execute_callback = execute_cb
