@@ -115,6 +115,7 @@ class Compatibility(unittest.TestCase):
         client, server = robust.SimpleActionClient, robust.SimpleActionServer
         for kind, name, values in (
                 (server, "/actionlib_status_frequency", (0, -1, float("nan"), float("inf"), 1e12, 1e6, "fast")),
+                (server, rospy.get_name() + "/actionlib_status_frequency", [0]),  # actionlib looks in the node's, too
                 (server, "work/status_frequency", [0]), (server, "work/status_list_timeout", ["long", -1]),
                 *((kind, "actionlib_%s_%s_queue_size" % (side, way), ["long"]) for way in ("pub", "sub")
                   for side, kind in (("server", server), ("client", client)))):
