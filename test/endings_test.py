@@ -156,6 +156,7 @@ class Endings(NodeCase):
             self.assertIn("did not stop within 1 s", server.stderr, server)
             self.assertNotIn("ERROR", server.stderr, server)
             self.assertEqual(scene.shown[runs, ABORTED], scene.status.header.stamp, "the last status of %s" % server)
+            self.assertLess(scene.wait_result(runs).header.stamp, scene.status.header.stamp)
 
     def test_result_comes_a_moment_after_the_feedback_and_its_status_next_without_a_heartbeat(self, scene):
         rospy.set_param(scene.namespace + "/actionlib_status_frequency", 0.1)
