@@ -173,6 +173,10 @@ class Units(unittest.TestCase):
                     "sys.exit(bool(failures))" % (before, how))
             self.assertEqual(0, subprocess.call(["/usr/bin/python3", "-c", code]), code)
 
+    def test_copy_of_robust_beside_a_node_needs_no_package_around_it(self):
+        folder = os.path.dirname(os.path.dirname(robust.__file__))
+        self.assertEqual(0, subprocess.call(["/usr/bin/python3", "-c", "import robust"], cwd=folder))
+
     def test_start_that_fails_leaves_no_thread_signal_or_hook_behind(self):
         def process():
             return signal.set_wakeup_fd(-1), rospy.core.signal_shutdown, [
@@ -212,6 +216,9 @@ class Units(unittest.TestCase):
             one._deadline = None
             eventually(lambda: not one._ears.gettimeout(), "no time-out any more")
         killed.assert_not_called()
+        with mock.patch.object(os, "_exit", side_effect=SystemExit), closer() as one, self.assertRaises(SystemExit):
+            one._deadline = time.monotonic() - 1  # it came while a signal was obeyed
+            one.run()
 
     def test_signal_whose_handler_was_none_of_pythons_gets_the_systems_and_one_that_was_not_heeded_keeps_its_own(self):
         self.addCleanup(signal.signal, signal.SIGHUP, signal.signal(signal.SIGHUP, signal.SIG_IGN))  # as nohup does
@@ -242,6 +249,7 @@ class Units(unittest.TestCase):
             shutdown._end_all_goals()
             log._Caller(0).call(print)  # nor does the log fail
         self.assertEqual([server], ended)
+        self.assertTrue(shutdown.aside(print).daemon)  # one that never ends does not hold up the program's end
 
     def test_exception_of_a_start_in_another_thread_ends_it_with_a_traceback(self):
         with ThreadPoolExecutor(1) as thread:
@@ -328,7 +336,7 @@ class Units(unittest.TestCase):
                 mock.patch.object(log, "_write_later") as later:
             for level, calls in (logging.INFO, (1, 0)), (logging.WARNING, (1, 1)):
                 line = record("a bowl")
-                line.levelno = level
+                line.levelno, line.args = level, None  # as logging.handlers.QueueHandler makes it
                 log._write_at_once(handler, write, line)
                 self.assertEqual(calls, (write.call_count, later.call_count))
         for error in AttributeError, OSError, ValueError:
@@ -510,7 +518,8 @@ class Units(unittest.TestCase):
 
     def test_client_whose_topics_are_closed_while_it_starts_says_that_it_was_interrupted(self):
         closed = rospy.ROSException("subscriber has been closed")
-        with mock.patch.object(actionlib.SimpleActionClient, "__init__", side_effect=closed):
+        with mock.patch.object(client, "get_params"), \
+                mock.patch.object(actionlib.SimpleActionClient, "__init__", side_effect=closed):
             for shutting_down, words in (False, "subscriber has been closed"), (True, "interrupted"):
                 with mock.patch.object(rospy.core, "_in_shutdown", shutting_down), self.assertRaisesRegex(
                         rospy.ROSInitException, "^the client of /work cannot start: %s$" % words):
@@ -586,7 +595,8 @@ class Units(unittest.TestCase):
             ended, result = self.goal_and_result(meanwhile)
             second = ended.lose, "why"
             ended.update_result(result)
-            threads[-1].result()
+            for each in threads:
+                each.result()
         self.assertEqual(([GoalStatus.LOST], GoalStatus.LOST), (ends[-1:], lost.latest_goal_status.status))
         self.assertEqual((GoalStatus.SUCCEEDED, ""), (ended.latest_goal_status.status, ended.why))
 
