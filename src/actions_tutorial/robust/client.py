@@ -395,9 +395,11 @@ class _Goal(CommStateMachine):
         super().update_status(status_array)
 
     def update_result(self, action_result: Any) -> None:
-        with self.mutex:
-            if self.state != CommState.DONE:  # a goal that is LOST stays so
-                super().update_result(action_result)
+        # Another goal's must not wait for the mutex: done_cb, which has it, may have sent that goal and wait for it.
+        if self.action_goal.goal_id.id == action_result.status.goal_id.id:
+            with self.mutex:
+                if self.state != CommState.DONE:  # a goal that is LOST stays so
+                    super().update_result(action_result)
 
     def update_feedback(self, action_feedback: Any) -> None:
         """Without it, the last feedback is dropped if the one before takes its callback longer than the result takes
