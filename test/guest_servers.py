@@ -159,6 +159,10 @@ class Odd:
     dishes_washed = property(lambda _: throw(ValueError("a \ud800 \x1b[2J\nfake bowl")))
 
 
+class Wordless(Exception):
+    __str__ = None
+
+
 # --- the servers ---
 
 def in_a_thread(server):
@@ -225,6 +229,7 @@ WAYS = {
     "feedback_that_is_wrong": (feed_wrongly, SUCCEEDED, "^raised$", ""),
     "execute_cb_that_raises": (
         lambda _: throw(RuntimeError("\x1b[2J" + DIRTY)), ABORTED, DIRTY, "Traceback"),
+    "execute_cb_that_raises_what_has_no_words": (lambda _: throw(Wordless()), ABORTED, "Wordless", "Traceback"),
     "execute_cb_that_calls_sys_exit": (lambda _: sys.exit(DIRTY), ABORTED, DIRTY, "Traceback"),
     "execute_cb_with_ctrl_c": (lambda _: throw(KeyboardInterrupt(DIRTY)), ABORTED, DIRTY, "Traceback"),
     "execute_cb_with_generator_exit": (lambda _: throw(GeneratorExit(DIRTY)), ABORTED, DIRTY, "Traceback"),

@@ -12,6 +12,7 @@ import contextlib
 import os
 import threading
 import time
+import traceback
 import weakref
 from typing import Any, Callable, Optional
 
@@ -180,7 +181,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             if not rospy.is_shutdown():
                 log.failed(self.__name + ": execute_cb")
             if self.is_active():
-                self.set_aborted(None, "execute_cb failed: %s: %s" % (type(error).__name__, error))
+                self.set_aborted(None, "execute_cb failed: " + "".join(  # also for an error whose __str__ raises
+                    traceback.format_exception_only(type(error), error)).strip())
         if self.is_active():
             why = SHUTTING_DOWN if self.__shutting_down else "execute_cb returned without ending its goal"
             self.set_aborted(None, why)
