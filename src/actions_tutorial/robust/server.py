@@ -106,7 +106,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def accept_new_goal(self) -> Optional[genpy.Message]:
         """Take up the goal that waits; every client sees it ACTIVE before its feedback. Returns the goal, or None."""
         with self.action_server.lock, self.lock:
-            if self.is_active():
+            if self.is_active() and self.is_new_goal_available():
                 self.__taken_over, self.__taken_by = self.__taken_over + 1, threading.get_ident()
             goal = super().accept_new_goal()
         if goal is not None:
