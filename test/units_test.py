@@ -87,10 +87,11 @@ class Units(unittest.TestCase):
 
     def test_wrong_parameter_is_a_value_error_that_names_it_its_value_and_what_is_allowed(self):
         for text, default, limits, words in (
-                ("[", 7, {}, r"is '\[', must be a whole number"), ("1.5", 7, {}, "is 1.5, must be a whole number"),
-                ("true", 7, {}, "is True, must be a whole number"), ("true", 0.5, {}, "is True, must be a number"),
-                ("1", True, {}, "is 1, must be true or false"), ("1", "text", {}, "is 1, must be a string"),
-                ("1", [], {}, "is 1, must be a list"), ("[1]", {}, {}, r"is \[1\], must be a dictionary"),
+                ("[", 7, {}, r"is '\[', must be a whole number"), ("2024-13-45", 7, {}, "is '2024-13-45', must be a whole"),
+                ("1.5", 7, {}, "is 1.5, must be a whole number"), ("true", 7, {}, "is True, must be a whole number"),
+                ("true", 0.5, {}, "is True, must be a number"), ("1", "text", {}, "is 1, must be a string"),
+                ("1", True, {}, "is 1, must be true or false"), ("1", [], {}, "is 1, must be a list"),
+                ("[1]", {}, {}, r"is \[1\], must be a dictionary"),
                 (".nan", 0.5, {"lowest": 0}, "is nan, must be "), (".inf", 0.5, {"lowest": 0}, "is inf, must be "),
                 ("-.inf", 0.5, {"highest": 9}, "is -inf, must be "), ("soon", 0.5, {}, "is 'soon', must be a number"),
                 ("-1", 7, {"lowest": 0}, "is -1, must be a whole number from 0$"),

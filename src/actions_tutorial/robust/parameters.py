@@ -79,6 +79,6 @@ def _from_command_line(param_name):
         if param_name == "~" + name[1:] and name[:1] == "_":
             try:
                 given[param_name] = yaml.safe_load(text)
-            except yaml.YAMLError:  # judge it as text
+            except (yaml.YAMLError, ValueError):  # of 2024-13-45, too: judge it as text
                 given[param_name] = text
     return given
