@@ -624,8 +624,9 @@ print(sorted(buffer.getvalue().splitlines()))
     def test_each_print_is_seen_at_once_a_progress_without_an_end_of_line_too(self, master):
         rows = (("50 %\n", "print('50 %')"), ("50 %\r", "print('50 %', end='\\r')"),
                 ("50 %", "print('50 %', end='')"), ("\r50 %", "sys.stdout.write('\\r50 %')"))
-        for make, unbuffered, rows in (
-                (os.pipe, "", rows), (pty.openpty, "", rows), (os.pipe, "1", [("50 %", "sys.stdout.write('50 %')")])):
+        child = "child\n", "os.fork() or (print('child'), os._exit(0))"
+        for make, unbuffered, rows in ((os.pipe, "", rows), (pty.openpty, "", (*rows, child)),
+                                       (os.pipe, "1", [("50 %", "sys.stdout.write('50 %')")])):
             read, write = make()
             node = program(master, "for _, code in %r:\n    exec(code)\n    sys.stdin.readline()" % (rows,),
                            stdin=subprocess.PIPE, stdout=write, PYTHONUNBUFFERED=unbuffered)

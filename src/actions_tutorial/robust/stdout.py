@@ -14,6 +14,7 @@ def take_over(close_node):
     written any more, from a thread that is not the main one."""
     stream = sys.stdout
     if stream is sys.__stdout__ and getattr(stream, "name", None) == "<stdout>":
+        stream.lines_before = stream.line_buffering
         stream.reconfigure(line_buffering=False, errors=stream.errors.replace("strict", "backslashreplace"))
         stream.write = functools.partial(_write, stream, stream.write, close_node)
 
@@ -22,6 +23,8 @@ def give_back():
     """In a child process, whose end is not the node's."""
     with contextlib.suppress(AttributeError):  # there was none to mend
         del sys.__stdout__.write
+        if vars(sys.__stdout__).pop("lines_before"):  # else what it prints is lost if it ends by os._exit
+            sys.__stdout__.reconfigure(line_buffering=True)
 
 
 def _write(stream, write, close_node, text):
