@@ -239,17 +239,24 @@ class Units(unittest.TestCase):
             def end(self, deadline):
                 ended.append(self)
 
-        ended, server = [], Server()
-        with mock.patch.object(shutdown, "_endings", []), \
+        def in_between(*args, method=weakref.WeakMethod):
+            with mock.patch.object(weakref, "WeakMethod", method):
+                shutdown.at_end(other.end)  # as another thread may
+            return method(*args)
+
+        ended, server, other, forgotten = [], Server(), Server(), Server()
+        with mock.patch.object(shutdown, "_endings", set()), \
                 mock.patch.object(threading.Thread, "start", side_effect=RuntimeError):
             for _ in range(3):
                 shutdown.at_end(Server().end)
-            shutdown.at_end(server.end)
-            self.assertEqual(1, len(shutdown._endings))
-            shutdown._endings.append(weakref.WeakMethod(Server().end))  # forgotten since
+            with mock.patch.object(weakref, "WeakMethod", in_between):
+                shutdown.at_end(server.end)
+            self.assertEqual(2, len(shutdown._endings))
+            shutdown._endings.add(weakref.WeakMethod(forgotten.end))
+            del forgotten  # since
             shutdown._end_all_goals()
             log._Caller(0).call(print)  # nor does the log fail
-        self.assertEqual([server], ended)
+        self.assertEqual({server, other}, set(ended))
         self.assertTrue(shutdown.aside(print).daemon)  # one that never ends does not hold up the program's end
 
     def test_exception_of_a_start_in_another_thread_ends_it_with_a_traceback(self):

@@ -38,7 +38,7 @@ LOG_WITHIN = 0.3  # s for itself
 _END, _END_IN_TIME = 250, 251  # beside the numbers of signals, what Closer can be told
 
 unfinished: weakref.WeakSet = weakref.WeakSet()  # while there is any, a node that is killed has exit status 1, not 0
-_endings: list = []  # weakref.WeakMethod
+_endings: set = set()  # weakref.WeakMethod
 
 
 def at_end(end_goals):
@@ -46,7 +46,8 @@ def at_end(end_goals):
     to the endings of its goals until deadline (as of time.monotonic()). Its object may be forgotten before."""
     if not _endings:
         rospy.on_shutdown(_end_all_goals)
-    _endings[:] = [one for one in _endings if one() not in (None, end_goals)] + [weakref.WeakMethod(end_goals)]
+    _endings.difference_update([one for one in list(_endings) if not one()])  # in place: other threads do so, too
+    _endings.add(weakref.WeakMethod(end_goals))
 
 
 def aside(function, *args):
