@@ -201,6 +201,11 @@ class Endings(NodeCase):
         self.assertEqual([], late, "goals that were ACTIVE only after their feedback")
         eventually(lambda: server.stderr.count("slept to the end: False") == 4, "four who woke up", server, timeout=10)
 
+    def test_newer_goal_is_served_by_a_subclass_that_takes_a_lock_to_say_whether_to_stop(self, scene):
+        scene.server(GUEST, "own_look")
+        busy(scene)
+        scene.serves()
+
     def test_server_that_lacks_threads_for_a_while_serves_those_who_come_later(self, scene):
         server = scene.server(GUEST, "lacks_threads")
         address = "localhost", peers_port(scene)

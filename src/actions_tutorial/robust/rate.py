@@ -14,7 +14,7 @@ class Rate(rospy.Rate):
 
     It waits on the condition that rospy notifies at each message of /clock and wake() at each request to stop, so the
     wait is exact in real and in simulated time, without polling. That lock is the innermost: with it held, nothing else
-    is locked.
+    is locked, unless a subclass's is_preempt_requested does so.
     """
 
     def __init__(self, hz: float, stop_requested: Callable[[], bool]) -> None:

@@ -144,17 +144,15 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             goal.set_canceled(None, SHUTTING_DOWN)
             return
         with self.lock:
-            busy, ended = self.is_active(), self.current_goal
-            if not busy:
+            ended = self.current_goal
+            if not self.is_active():
                 # Without it, a goal is refused for a stamp older than that of one that has ended: after one stamp from
                 # the future nobody is served any more.
                 self.current_goal = actionlib.ServerGoalHandle()
                 if not self.new_goal:
                     self.next_goal = self.current_goal
         super().internal_goal_callback(goal)
-        if busy:
-            rate.wake()
-        elif not self.current_goal.get_goal():
+        if not self.current_goal.get_goal():
             self.current_goal = ended  # until the next one is accepted, as with actionlib
 
     def executeLoop(self) -> None:
@@ -355,6 +353,7 @@ class _ActionServer(actionlib.ActionServer):
                     any(tracker.goal and tracker.status.goal_id.id == goal.goal_id.id for tracker in self.status_list):
                 rospy.logwarn("%s: goal ignored: its id %.60r is that of a recent goal", rospy.resolve_name(self.ns),
                               goal.goal_id.id)
+        rate.wake()  # without the lock, which a subclass's is_preempt_requested may wait for with the clock's held
 
     def internal_cancel_callback(self, goal_id):
         try:
