@@ -245,6 +245,16 @@ class Endings(NodeCase):
         kept = sum(one.size for one in tracemalloc.take_snapshot().filter_traces([ours]).traces)
         self.assertLess(kept, 50000, "bytes that robust keeps for 1000 peers")
 
+    def test_goal_that_a_stop_ended_is_forgotten_by_the_server_that_is_started_again(self, scene):
+        rospy.set_param(scene.action + "status_list_timeout", 0.1)
+        server = Guest(scene.action[:-1], lambda _: time.sleep(1))
+        self.addCleanup(server.__del__)
+        scene.wait_connected()
+        goal_id = busy(scene)
+        server.action_server.stop()
+        server.action_server.start()
+        scene.wait(lambda: (goal_id, ABORTED) in scene.shown and not scene.status.status_list, "a status without it")
+
     def test_server_ends_on_del_and_when_it_needs_to_terminate(self, scene):
         for request in Guest.__del__, lambda server: setattr(server, "need_to_terminate", True):
             server = Guest(scene.action[:-1], polite)

@@ -383,6 +383,7 @@ class _ActionServer(actionlib.ActionServer):
                 result = self.ActionResult(status=status, result=self.ActionResultType())
                 result.header.stamp = rospy.Time.now()
                 self.result_pub.publish(result)
+                self._unshown.append(tracker)  # so that a server that is started again forgets it
             last = GoalStatusArray(status_list=[tracker.status for tracker in list(self.status_list)])
             last.header.stamp = rospy.Time.now()
             self.status_pub.publish(last)
