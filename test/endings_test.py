@@ -11,6 +11,7 @@ import time
 import tracemalloc
 import xmlrpc.client
 import xmlrpc.server
+from unittest import mock
 
 import rosgraph
 import rospy
@@ -24,7 +25,7 @@ from std_msgs.msg import Empty
 from raw_client import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED, RawClient
 from actions_tutorial import robust
 from scenes import SLACK, NodeCase, Scene, check_quiet, concurrently
-from guest_servers import WAYS, Guest, polite
+from guest_servers import WAYS, Guest, in_a_thread, polite
 from processes import PACKAGE, bound_socket, bowls, eventually
 
 GUEST = os.path.join(PACKAGE, "test", "guest_servers.py")
@@ -200,6 +201,18 @@ class Endings(NodeCase):
         late = [one for one in goals if scene.shown[one, ACTIVE] > scene.feedback[one][0].header.stamp]
         self.assertEqual([], late, "goals that were ACTIVE only after their feedback")
         eventually(lambda: server.stderr.count("slept to the end: False") == 4, "four who woke up", server, timeout=10)
+
+    def test_newer_goal_that_is_accepted_while_the_result_of_the_older_one_waits_is_not_ended_by_it(self, scene):
+        Guest(scene.action[:-1], polite, in_a_thread)
+        scene.wait_connected()
+        with mock.patch.object(robust.server, "FEEDBACK_HEAD_START", 1):
+            older = scene.send(1)
+            scene.wait_bowls(older, 1)
+            newer = busy(scene)
+        self.assertEqual(PREEMPTED, scene.wait_result(older).status.status)
+        time.sleep(1.2)  # until the older one's thread has gone on
+        scene.cancel(newer)
+        scene.check_ending(newer, PREEMPTED, bowls(1))
 
     def test_newer_goal_is_served_by_a_subclass_that_takes_a_lock_to_say_whether_to_stop(self, scene):
         scene.server(GUEST, "own_look")

@@ -191,11 +191,12 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             log.catch_up()
 
     def __end(self, set_state, result, text):
+        goal = self.current_goal
         if set_state.__name__ != "set_preempted":
             # The result would now and then overtake the last feedback, which actionlib's client then drops.
             time.sleep(max(0, self.__fed_back + FEEDBACK_HEAD_START - time.monotonic()))
         with self.action_server.lock:
-            if not self.action_server.started:
+            if not self.action_server.started or goal is not self.current_goal:  # a newer one was accepted meanwhile
                 return
             was_active = self.is_active()
             with self.action_server.status_later(threading.current_thread() is self.execute_thread):
