@@ -369,14 +369,15 @@ class Reports(NodeCase):
         for meanwhile, *before, state in (
                 (ACTIVE, SUCCEEDED), (ACTIVE, ACTIVE, SUCCEEDED), (ACTIVE, PENDING, ACTIVE, ABORTED),
                 (ACTIVE, ACTIVE, PREEMPTING, PREEMPTED), (ACTIVE, PREEMPTED), (PENDING, PENDING, REJECTED),
-                (PENDING, RECALLED), (PENDING, PENDING, RECALLING, RECALLED)):
+                (ACTIVE, RECALLING, PREEMPTING, PREEMPTED), (PENDING, RECALLED),
+                (PENDING, PENDING, RECALLING, RECALLED)):
             goal = raw.send()
             for one in (*before, state):
                 raw.status((goal, one))
             self.assertEqual((meanwhile, None), (raw.client.get_state(), raw.client.get_result()), raw)
             self.assertFalse(raw.client.wait_for_result(rospy.Duration(0.1)))
             self.ends(raw, goal, state)
-        self.assertEqual(8, len(raw.done), raw)
+        self.assertEqual(9, len(raw.done), raw)
 
     def test_result_ends_the_goal_whatever_status_came_before_it_and_comes_after_it(self, place):
         raw = place.meet()
