@@ -80,6 +80,7 @@ class Units(unittest.TestCase):
                 ("[1]", [], {}, [1]), ("{a: 1}", {}, {}, {"a": 1}), ("3", 7, {"lowest": 3, "highest": 3}, 3),
                 ("3", 7, {"lowest": 3}, 3), ("3", 7, {"highest": 3}, 3), ("3", None, {}, 3), ("[1]", (1, 2), {}, [1])):
             with arguments("_n:=" + text):
+                self.assertIsNotNone(robust.get_param("~n"))
                 got = robust.get_param("~n", default, **limits)
             self.assertEqual((type(value), value), (type(got), got), text)
             with arguments("_other:=3", "n:=4", "__n:=5", "an:=6"):

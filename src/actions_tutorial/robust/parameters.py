@@ -23,11 +23,11 @@ def get_param(param_name: str, default: Any = _UNSPECIFIED, *, lowest: Optional[
     Before init_node it knows the private parameters of the command line, so that a node can refuse those first.
     Raises ValueError with parameter, value and what is allowed, KeyError if there is neither value nor default.
     """
-    if default is _UNSPECIFIED:
-        return _rospy_get_param(param_name)
     given = _from_command_line(param_name)
     started = rospy.core.is_initialized()
     own = param_name[:1] == "~"
+    if default is _UNSPECIFIED:
+        return given[param_name] if own and not started else _rospy_get_param(param_name)
     value = given.get(param_name, default) if own and not started else _rospy_get_param(param_name, default)
     kind = type(default)
     if kind not in _KINDS:
