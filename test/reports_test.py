@@ -237,6 +237,7 @@ class Reports(NodeCase):
             before = time.monotonic()
             raw.client.cancel_goal()  # as a server's callback for preempts does, for which done_cb may wait
             raw.client._SimpleActionClient__end_goal(before)
+            self.assertEqual(state == ACTIVE, "no ending came" in raw.client.get_goal_status_text(), raw)
             self.assertLess(time.monotonic() - before, 10, raw)
             raw.eventually(lambda: raw.cancels == [goal] * cancels, "a cancel of what runs")
 

@@ -90,7 +90,8 @@ class Units(unittest.TestCase):
         for text, default, limits, words in (
                 ("[", 7, {}, r"is '\[', must be a whole number"), ("2024-13-45", 7, {}, "is '2024-13-45', must be a whole"),
                 ("1.5", 7, {}, "is 1.5, must be a whole number"), ("true", 7, {}, "is True, must be a whole number"),
-                ("true", 0.5, {}, "is True, must be a number"), ("1", "text", {}, "is 1, must be a string"),
+                ("true", 0.5, {}, "is True, must be a number"), ("9" * 400, 0.5, {}, "is 9*, must be a number"),
+                ("1", "text", {}, "is 1, must be a string"),
                 ("1", True, {}, "is 1, must be true or false"), ("1", [], {}, "is 1, must be a list"),
                 ("[1]", {}, {}, r"is \[1\], must be a dictionary"),
                 (".nan", 0.5, {"lowest": 0}, "is nan, must be "), (".inf", 0.5, {"lowest": 0}, "is inf, must be "),
@@ -473,7 +474,7 @@ class Units(unittest.TestCase):
             with mock.patch.object(rospy, "get_time", return_value=1), \
                     mock.patch.object(rospy, "is_shutdown", return_value=is_down):
                 robust.SimpleActionClient._SimpleActionClient__watch(watched)
-            self.assertIsNone(watched._SimpleActionClient__watcher, "who would look after the next goal")
+            self.assertFalse(watched._SimpleActionClient__is_watched, "who would look after the next goal")
 
     def test_goal_that_nobody_confirms_is_sent_again_each_second_for_4_s_or_while_the_server_speaks_of_others(self):
         for speaks_of_others, begun, sent, count in (

@@ -84,7 +84,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         self.__heartbeat_timeout = heartbeat_timeout
         self.__is_connected = node.asking(self.__ask_server)
         self.__registered = time.monotonic()
-        self.__watcher: Optional[threading.Thread] = None
+        self.__is_watched = False
         self.__server = ""  # the name of the last one that was silent
         self.__shutting_down = False
         # Without it, two clients of one name give the same id while simulated time stands still: the server ignores the
@@ -169,9 +169,9 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                 raise
             self.__why_not_sent = ""
             shutdown.unfinished.add(machine)
-            if not self.__watcher:
-                self.__watcher = threading.Thread(target=self.__watch, daemon=True)
-                self.__watcher.start()
+            if not self.__is_watched:
+                threading.Thread(target=self.__watch, daemon=True).start()  # which may fail
+                self.__is_watched = True
 
     def send_goal_and_wait(self, goal: genpy.Message, execute_timeout: Seconds = rospy.Duration(),
                            preempt_timeout: Seconds = rospy.Duration()) -> int:
@@ -282,7 +282,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             with self.action_client.manager.list_mutex:
                 goal = self.__goal()
                 if not goal or goal.simple_state == SimpleGoalState.DONE or rospy.is_shutdown():
-                    self.__watcher = None
+                    self.__is_watched = False
                     return
             # A paused simulation is no silence. No more than one look's time counts: the clock may have jumped, and we
             # may have been stopped ourselves.
@@ -298,7 +298,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                 with self.action_client.manager.list_mutex:
                     if self.__goal() is not goal:
                         continue  # another thread has sent the next one
-                    self.__watcher = None  # done_cb, which is called here, may do so and wait for it
+                    self.__is_watched = False  # done_cb, which is called here, may do so and wait for it
                 goal.lose("server lost: silent for %.1f s (heartbeat_timeout is %g s)" % (
                     goal.silence, self.__heartbeat_timeout))
                 return

@@ -2,6 +2,7 @@
 """Checks parameters and arguments: a wrong one is named, with its value and what is allowed."""
 from __future__ import annotations
 
+import contextlib
 import math
 import sys
 from typing import Any, Optional
@@ -36,7 +37,8 @@ def get_param(param_name: str, default: Any = _UNSPECIFIED, *, lowest: Optional[
         return value  # in rospy's place: a program that was written for rospy may mean any number
     right = isinstance(value, (int, float) if kind is float else kind) and isinstance(value, bool) == (kind is bool)
     if right and (lowest is None or lowest <= value < math.inf) and (highest is None or -math.inf < value <= highest):
-        return kind(value)
+        with contextlib.suppress(OverflowError):  # of a whole number that no float holds
+            return kind(value)
 
     must_be = _KINDS[kind]
     for word, limit in (("from", lowest), ("to", highest)):
