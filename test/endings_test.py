@@ -219,6 +219,14 @@ class Endings(NodeCase):
         busy(scene)
         scene.serves()
 
+    def test_subclass_that_ends_a_goal_where_it_looks_and_takes_one_up_late_is_asked_without_a_lock(self, scene):
+        server = scene.server(GUEST, "own_end")
+        goal_id = scene.send(5)
+        scene.cancel(goal_id)
+        self.assertEqual("cancelled", scene.wait_result(goal_id).status.text, server)
+        took = scene.times[goal_id, "result"] - scene.times[goal_id, "sent"]
+        self.assertLess(took, 2, "s for five looks, each after 0.1 s, of %s" % server)
+
     def test_server_that_lacks_threads_for_a_while_serves_those_who_come_later(self, scene):
         server = scene.server(GUEST, "lacks_threads")
         address = "localhost", peers_port(scene)

@@ -50,7 +50,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
              "__del__")
         super().__init__(name, ActionSpec, auto_start=False)
         need("actionlib", self, "lock", "execute_callback", "execute_thread", "execute_condition", "action_server",
-             "current_goal", "next_goal", "new_goal", "preempt_callback", "need_to_terminate")
+             "current_goal", "next_goal", "new_goal", "preempt_request", "preempt_callback", "need_to_terminate")
         self.current_goal: actionlib.ServerGoalHandle
         self.__shutting_down = False
         self.__taken_over = 0  # goals in whose midst a newer one was accepted
@@ -106,7 +106,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def accept_new_goal(self) -> Optional[genpy.Message]:
         """Take up the goal that waits; every client sees it ACTIVE before its feedback. Returns the goal, or None."""
         with self.action_server.lock, self.lock:
-            if self.is_active() and self.is_new_goal_available():
+            if self.is_active() and self.new_goal:
                 self.__taken_over, self.__taken_by = self.__taken_over + 1, threading.get_ident()
             goal = super().accept_new_goal()
         if goal is not None:
@@ -126,8 +126,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         if self.__shutting_down:
             self.__end(super().set_aborted, result, SHUTTING_DOWN)
         else:
-            why = "a newer goal came" if self.is_new_goal_available() else \
-                "cancelled" if self.is_preempt_requested() else "the server stopped it unasked"
+            why = "a newer goal came" if self.new_goal else \
+                "cancelled" if self.preempt_request else "the server stopped it unasked"
             self.__end(super().set_preempted, result, text or why)
 
     def publish_feedback(self, feedback: genpy.Message) -> None:
@@ -158,14 +158,14 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def executeLoop(self) -> None:
         """For the library: the thread of execute_cb. In its own, a goal waits up to 100 ms after each other one, and
         also when it comes between a check and a wait (ros/actionlib #212)."""
-        def has_to_go_on():
-            return self.is_new_goal_available() or self.need_to_terminate
-
         while not rospy.is_shutdown() and not self.need_to_terminate:
-            with self.execute_condition:  # 1 s: for whoever sets need_to_terminate without a notification
-                self.execute_condition.wait_for(has_to_go_on, 1)
-            if self.is_new_goal_available():
+            came = self.new_goal
+            if self.is_new_goal_available():  # a subclass's may take a lock, or let the goal wait
                 self.__execute(self.accept_new_goal())
+                continue
+            with self.execute_condition:  # 1 s: for whoever sets need_to_terminate without a notification
+                if came or not self.new_goal and not self.need_to_terminate:
+                    self.execute_condition.wait(0.1 if came else 1)
 
     def __execute(self, goal):
         if not self.is_active():
@@ -185,7 +185,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             why = SHUTTING_DOWN if self.__shutting_down else "execute_cb returned without ending its goal"
             self.set_aborted(None, why)
         with self.execute_condition:
-            self.execute_condition.wait_for(self.is_new_goal_available, HEAD_START)
+            self.execute_condition.wait_for(lambda: self.new_goal, HEAD_START)
         if not self.is_new_goal_available():  # whose status comes next
             self.action_server.publish_status()
             log.catch_up()
@@ -231,7 +231,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def __ask_to_stop(self):
         with self.action_server.lock, self.lock:
-            if self.is_new_goal_available():
+            if self.new_goal:
                 self.new_goal = False
                 self.next_goal.set_canceled(None, SHUTTING_DOWN)
             if self.preempt_callback and self.is_active():
