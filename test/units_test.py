@@ -736,15 +736,29 @@ class Units(unittest.TestCase):
         rospy.rostime.set_rostime_initialized(True)
         for begin, *seconds, end in (0, 0, 100, 100.5, 101), (100, 10, 10.5, 11):
             rospy.rostime._set_rostime(rospy.Time(begin))
-            asked, a_rate = [], rate.Rate(1, lambda: asked.append(1))
+            looked, a_rate = [], rate.Rate(1, bool)
+            a_rate.remaining = lambda a_rate=a_rate: looked.append(1) or rospy.Rate.remaining(a_rate)
             with ThreadPoolExecutor(1) as thread:
                 slept = thread.submit(a_rate.sleep)
                 for number, second in enumerate([*seconds, end]):
-                    eventually(lambda: len(asked) > number, "a look at the clock")
+                    eventually(lambda: len(looked) > number, "a look at the clock")
                     self.assertFalse(slept.done(), "ended at %s" % second)
                     rospy.rostime._set_rostime(rospy.Time(second))
                 self.assertTrue(slept.result(10))
             self.assertEqual(end, a_rate.last_time.to_sec())
+
+    def test_rate_asks_whether_to_stop_without_the_clock_s_lock_and_hears_whoever_wakes_it_meanwhile(self):
+        def stop_requested():
+            waker = shutdown.aside(rate.wake)  # which takes that lock
+            waker.join(5)
+            asked.append(waker.is_alive())
+            return asked[1:]
+
+        asked = []
+        self.addCleanup(rospy.rostime.set_rostime_initialized, False)
+        rospy.rostime.set_rostime_initialized(True)
+        self.assertFalse(rate.Rate(0.1, stop_requested).sleep())
+        self.assertEqual([False, False], asked)
 
     def test_whoever_wakes_one_rate_wakes_all(self):
         def sleep():
@@ -767,7 +781,7 @@ class Units(unittest.TestCase):
 
     def test_cancel_of_goals_up_to_a_time_on_a_clock_that_was_set_back_counts_at_once(self):
         one = server._ActionServer.__new__(server._ActionServer)
-        one.lock, one.started, one.status_list, one._unshown, one._later = threading.RLock(), True, [], [], False
+        one.lock, one.started, one.status_list, one._put_off, one._later = threading.RLock(), True, [], False, False
         one.last_cancel = one._latest = rospy.Time(1000)
         with mock.patch.object(rospy.Time, "now", return_value=rospy.Time(10)):
             one.internal_cancel_callback(GoalID(stamp=rospy.Time(5)))

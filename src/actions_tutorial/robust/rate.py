@@ -8,13 +8,15 @@ import rospy
 
 from .internals import need
 
+_wakes = 0  # calls of wake()
+
 
 class Rate(rospy.Rate):
     """Like rospy.Rate, and sleep() ends early as soon as stop_requested() (bool) is true; wake() makes it look.
 
     It waits on the condition that rospy notifies at each message of /clock and wake() at each request to stop, so the
     wait is exact in real and in simulated time, without polling. That lock is the innermost: with it held, nothing else
-    is locked, unless a subclass's is_preempt_requested does so.
+    is locked, and stop_requested() is called without it, for a subclass may lock something there.
     """
 
     def __init__(self, hz: float, stop_requested: Callable[[], bool]) -> None:
@@ -28,8 +30,11 @@ class Rate(rospy.Rate):
         """Sleeps until the end of the period, on the ROS clock. Returns True then, and False at once when a stop is
         asked for. Late, or after a jump of the clock, it does what rospy.Rate does."""
         called, clock = rospy.Time.now(), rospy.rostime.get_rostime_cond()
-        with clock:
-            while not self._stop_requested():
+        while True:
+            wakes = _wakes
+            if self._stop_requested():  # without the lock: a program that overrides it may take one of its own
+                return False
+            with clock:
                 if self.last_time.is_zero():  # the simulated clock had not begun
                     self.last_time = rospy.Time.now()
                 left = self.remaining()  # a whole period again if the clock was set back
@@ -39,12 +44,14 @@ class Rate(rospy.Rate):
                     if called - self.last_time > self.sleep_dur * 2:  # too late to catch up: start afresh
                         self.last_time = called
                     return True
-                clock.wait(left.to_sec() if rospy.rostime.is_wallclock() else None)
-        return False
+                if wakes == _wakes:
+                    clock.wait(left.to_sec() if rospy.rostime.is_wallclock() else None)
 
 
 def wake():
     """Make each Rate that sleeps look whether to stop."""
+    global _wakes
     clock = rospy.rostime.get_rostime_cond()
     with clock:
+        _wakes += 1
         clock.notify_all()
