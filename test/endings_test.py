@@ -22,7 +22,7 @@ from rosgraph.network import encode_ros_handshake_header
 from rospy.impl.registration import get_registration_listeners
 from std_msgs.msg import Empty
 
-from raw_client import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED, RawClient
+from raw_client import ABORTED, ACTIVE, PREEMPTED, PREEMPTING, RECALLED, SUCCEEDED, RawClient
 from actions_tutorial import robust
 from scenes import SLACK, NodeCase, Scene, check_quiet, concurrently
 from guest_servers import WAYS, Guest, in_a_thread, polite
@@ -171,6 +171,10 @@ class Endings(NodeCase):
             after = (scene.shown[goal_id, SUCCEEDED] - result).to_sec()
             self.assertTrue(head_start <= after < 1, "%.4f s after the result of %s" % (after, server))
             server.stop()
+        scene.server(GUEST, "never_looks")
+        goal_id = busy(scene)
+        scene.cancel(goal_id)
+        scene.wait(lambda: (goal_id, PREEMPTING) in scene.shown, "a status that it is to stop", timeout=5)
 
     def test_server_of_whatever_making_serves_one_goal_at_a_time_and_ends_without_a_word(self, scene):
         for kind, complaints in ("polite", 0), ("is_started_often", 0), ("is_started_inside", 0), (
@@ -275,6 +279,7 @@ class Endings(NodeCase):
         server.action_server.stop()
         server.action_server.start()
         scene.wait(lambda: (goal_id, ABORTED) in scene.shown and not scene.status.status_list, "a status without it")
+        self.assertEqual(5, server.action_server.status_frequency)
 
     def test_server_ends_on_del_and_when_it_needs_to_terminate(self, scene):
         for request in Guest.__del__, lambda server: setattr(server, "need_to_terminate", True):

@@ -14,7 +14,7 @@ import time
 from actions_tutorial import robust
 import rospy
 from actionlib.msg import TestRequestAction
-from actionlib_msgs.msg import GoalID
+from actionlib_msgs.msg import GoalID, GoalStatus
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesFeedback, WashTheDishesResult
 from std_msgs.msg import Empty
 
@@ -266,6 +266,9 @@ WAYS = {
     "execute_cb_with_ctrl_c": (lambda _: throw(KeyboardInterrupt(DIRTY)), ABORTED, DIRTY, "Traceback"),
     "execute_cb_with_generator_exit": (lambda _: throw(GeneratorExit(DIRTY)), ABORTED, DIRTY, "Traceback"),
     "execute_cb_without_an_ending": (lambda _: None, ABORTED, r"\w", ""),
+    "result_of_its_own_status": (
+        lambda one: one.action_server.publish_result(GoalStatus(), RESULT) or one.set_succeeded(RESULT), SUCCEEDED,
+        "^all done$", ""),
     "ending_twice": (lambda one: one.set_succeeded(RESULT) or one.set_aborted(), SUCCEEDED, "^all done$", ""),
     "work_after_the_ending": (
         lambda one: one.set_succeeded(RESULT) or one.wash("bowl-1") or dirty(), SUCCEEDED, "^all done$", "Traceback"),

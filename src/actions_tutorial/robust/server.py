@@ -258,11 +258,13 @@ class _ActionServer(actionlib.ActionServer):
 
     # 0 for initialize(), which then starts no rospy.Timer: that dies when the clock is set back (rospy/timer.py, before
     # 1.17), and the clients' heartbeat with it.
-    status_frequency = property(lambda self: 0.0, lambda self, value: setattr(self, "_frequency", value))
+    status_frequency = property(lambda self: self._frequency if self.status_timer else 0.0,
+                                lambda self, value: setattr(self, "_frequency", value))
 
     def __init__(self, begin, *args, **options):
         self._begin = begin
         self._later = False  # whether a status has to wait
+        self._put_off = False  # whether one waits
         self._unshown = []  # StatusTrackers of goals that have ended
         self._latest = rospy.Time()  # by which a clock that was set back is known
         super().__init__(*args, **options)
@@ -291,6 +293,7 @@ class _ActionServer(actionlib.ActionServer):
         get_params({"actionlib_server_pub_queue_size": (50, None, None), ns + "/status_frequency": hertz,
                     "actionlib_server_sub_queue_size": (-1, None, None), frequency: hertz,
                     ns + "/status_list_timeout": (5.0, 0, 1e6)})
+        self.status_timer = None  # or that of an earlier start
         super().initialize()
         need("actionlib", self, "status_timer", "_frequency", "started", "lock", "status_list", "last_cancel",
              "status_pub", "feedback_pub", "result_pub", "ActionResult", "ActionResultType")
@@ -299,6 +302,7 @@ class _ActionServer(actionlib.ActionServer):
 
     def publish_status(self):
         with self.lock:
+            self._put_off = self._later
             if self._later or not self.started:
                 return
             shown, self._unshown = self._unshown, []
@@ -328,7 +332,7 @@ class _ActionServer(actionlib.ActionServer):
     def publish_result(self, status, result):
         """Without it, a goal whose result cannot be sent has no ending."""
         with self.lock:
-            self._unshown.append(next(one for one in reversed(self.status_list) if one.status is status))
+            self._unshown += (one for one in self.status_list if one.status is status)  # none, if it is a program's own
             if status.status == GoalStatus.RECALLED:  # which actionlib gives no text, if the cancel came first
                 status.text = status.text or "cancelled before it was taken up"
             try:
@@ -363,8 +367,10 @@ class _ActionServer(actionlib.ActionServer):
                 super().internal_cancel_callback(goal_id)
         finally:  # a callback of the program's may raise
             rate.wake()
-        if self._unshown:  # a callback for preempts has ended its goal
-            self.publish_status()
+        if self._put_off:
+            if not self._unshown:  # unless a callback for preempts has ended its goal
+                time.sleep(HEAD_START)  # for its ending
+            self.publish_status()  # without it, whoever waits for PREEMPTING waits for the heartbeat, on the ROS clock
 
     def unended(self):
         """Returns the trackers of goals that have no ending yet. Takes no lock."""
