@@ -33,6 +33,7 @@ class ByCallback:
         self.server.start()
 
     def goal_cb(self):
+        self.before = self.server.current_goal.get_goal()
         goal = self.server.accept_new_goal()
         if goal.goal == 0:
             self.server.set_succeeded(TestResult(1))
@@ -83,6 +84,7 @@ class Compatibility(unittest.TestCase):
             client.cancel_goal()
             self.ends(client, GoalStatus.PREEMPTED)
             self.assertEqual((2, "cancelled"), (client.get_result().result, client.get_goal_status_text()))
+        self.assertEqual(TestGoal(0), self.by_callback.before)
 
     def test_server_of_actionlib_that_has_lost_sight_of_the_client(self):
         client = robust.SimpleActionClient("late", TestAction)

@@ -20,7 +20,7 @@ import actionlib
 import genpy
 import rosgraph
 import rospy
-from actionlib_msgs.msg import GoalStatus, GoalStatusArray
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
 from . import log, peers, rate, shutdown
 from .internals import NO_ANSWER, ask, ask_node, cannot_start, clear, name_of, need
@@ -144,16 +144,14 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             goal.set_canceled(None, SHUTTING_DOWN)
             return
         with self.lock:
-            ended = self.current_goal
             if not self.is_active():
                 # Without it, a goal is refused for a stamp older than that of one that has ended: after one stamp from
                 # the future nobody is served any more.
-                self.current_goal = actionlib.ServerGoalHandle()
+                ended = self.current_goal
+                self.current_goal = _Ended(ended.status_tracker, ended.action_server, ended.handle_tracker)
                 if not self.new_goal:
                     self.next_goal = self.current_goal
         super().internal_goal_callback(goal)
-        if not self.current_goal.get_goal():
-            self.current_goal = ended  # until the next one is accepted, as with actionlib
 
     def executeLoop(self) -> None:
         """For the library: the thread of execute_cb. In its own, a goal waits up to 100 ms after each other one, and
@@ -251,6 +249,13 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         if others:
             rospy.logwarn("%s has another server, in the node %s: a client of one hears both", self.__name,
                           ", ".join(sorted(others)))
+
+
+class _Ended(actionlib.ServerGoalHandle):
+    """A goal that came before any other."""
+
+    def get_goal_id(self):
+        return GoalID(id=super().get_goal_id().id)
 
 
 class _ActionServer(actionlib.ActionServer):
