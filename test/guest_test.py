@@ -472,6 +472,19 @@ sys.exit(7)
                               "rospy.impl.tcpros_base.get_tcpros_server_address()[1])" % ports,
                       "%d/ %d" % ports, head=HEAD, ROS_IPV6="on")
 
+    def test_client_made_before_rospys_init_node_leaves_the_port_to_that_and_is_served_beside_a_silent_peer(
+            self, master):
+        with bound_socket() as one:
+            self.says(master, """
+client = robust.SimpleActionClient("work", TestAction)
+rospy.init_node("guest", tcpros_port={0})
+client.wait_for_server(-1)
+silent = socket.create_connection(("localhost", {0}))
+server = actionlib.SimpleActionServer("work", TestAction, auto_start=True)
+print(client.wait_for_server(20), flush=True)
+os._exit(0)
+""".format(one.getsockname()[1]), "True", head="import socket\n" + HEAD)
+
     def test_init_node_and_get_param_of_rospy_and_robust_mix(self, master):
         self.says(master, """
 def case(*calls):

@@ -102,6 +102,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """
         self.__set_up()
         rospy.get_rostime()  # raises the ROSInitException: before init_node nothing can come, and the wait does not end
+        peers.serve_all_peers()  # of a client that was made before rospy.init_node, too
         what = "action " + rospy.resolve_name(self.action_client.ns)
         seconds = _duration(timeout).to_sec()
         connected = node.wait_for(what, lambda: self.action_client.last_status_msg and self.__is_connected(), seconds)
