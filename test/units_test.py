@@ -419,6 +419,10 @@ class Units(unittest.TestCase):
             one._begun = time.monotonic()
             one._finish()
             self.assertIs(rospy.signal_shutdown, rospy.core.signal_shutdown, "who would end the node once more")
+            with mock.patch.object(one, "close") as told:
+                one._closed.set()
+                one._finish()
+            told.assert_not_called()
         self.assertEqual(["first", "second", "third"], said)
 
     def test_line_on_a_goal_that_another_thread_has_just_taken_is_no_error(self):

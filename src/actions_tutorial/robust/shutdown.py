@@ -211,7 +211,8 @@ class Closer(threading.Thread):
         """Once; the exit status stays what it is. A program that ends by itself waits for its hooks, as with rospy."""
         rospy.core.signal_shutdown = rospy.signal_shutdown
         alone = self not in unfinished and not self._begun and not self._deadline
-        self.close(_END)
+        if not self._closed.is_set():  # a thread that starts while Python ends can crash it (3.11)
+            self.close(_END)
         begun = self._begun or time.monotonic()
         self._closed.wait(None if alone else begun + CLOSED_WITHIN - time.monotonic())
         self._deadline = None
