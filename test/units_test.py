@@ -88,7 +88,7 @@ class Units(unittest.TestCase):
 
     def test_wrong_parameter_is_a_value_error_that_names_it_its_value_and_what_is_allowed(self):
         for text, default, limits, words in (
-                ("[", 7, {}, r"is '\[', must be a whole number"), ("2024-13-45", 7, {}, "is '2024-13-45', must be a whole"),
+                ("[", 7, {}, r"is '\[', must be a whole number"), ("2024-13-45", 7, {}, "is '2024-13-45', must be a"),
                 ("1.5", 7, {}, "is 1.5, must be a whole number"), ("true", 7, {}, "is True, must be a whole number"),
                 ("true", 0.5, {}, "is True, must be a number"), ("9" * 400, 0.5, {}, "is 9*, must be a number"),
                 ("1", "text", {}, "is 1, must be a string"),
