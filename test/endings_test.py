@@ -171,10 +171,12 @@ class Endings(NodeCase):
             after = (scene.shown[goal_id, SUCCEEDED] - result).to_sec()
             self.assertTrue(head_start <= after < 1, "%.4f s after the result of %s" % (after, server))
             server.stop()
-        scene.server(GUEST, "never_looks")
-        goal_id = busy(scene)
-        scene.cancel(goal_id)
-        scene.wait(lambda: (goal_id, PREEMPTING) in scene.shown, "a status that it is to stop", timeout=5)
+        for kind in "never_looks", "preempt_cb_raises":
+            server = scene.server(GUEST, kind)
+            goal_id = busy(scene)
+            scene.cancel(goal_id)
+            scene.wait(lambda: (goal_id, PREEMPTING) in scene.shown, "a status that it is to stop", timeout=5)
+            server.stop()
 
     def test_server_of_whatever_making_serves_one_goal_at_a_time_and_ends_without_a_word(self, scene):
         for kind, complaints in ("polite", 0), ("is_started_often", 0), ("is_started_inside", 0), (

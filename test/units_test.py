@@ -238,6 +238,8 @@ class Units(unittest.TestCase):
 
     def test_goals_end_also_where_no_thread_can_be_had_and_those_of_forgotten_servers_are_forgotten(self):
         class Server:
+            __hash__ = None  # as of a dataclass
+
             def end(self, deadline):
                 ended.append(self)
 
@@ -247,18 +249,18 @@ class Units(unittest.TestCase):
             return method(*args)
 
         ended, server, other, forgotten = [], Server(), Server(), Server()
-        with mock.patch.object(shutdown, "_endings", set()), \
+        with mock.patch.object(shutdown, "_endings", {}), \
                 mock.patch.object(threading.Thread, "start", side_effect=RuntimeError):
             for _ in range(3):
                 shutdown.at_end(Server().end)
             with mock.patch.object(weakref, "WeakMethod", in_between):
                 shutdown.at_end(server.end)
             self.assertEqual(2, len(shutdown._endings))
-            shutdown._endings.add(weakref.WeakMethod(forgotten.end))
+            shutdown.at_end(forgotten.end)
             del forgotten  # since
             shutdown._end_all_goals()
             log._Caller(0).call(print)  # nor does the log fail
-        self.assertEqual({server, other}, set(ended))
+        self.assertCountEqual([server, other], ended)
         self.assertTrue(shutdown.aside(print).daemon)  # one that never ends does not hold up the program's end
 
     def test_exception_of_a_start_in_another_thread_ends_it_with_a_traceback(self):
@@ -388,6 +390,11 @@ class Units(unittest.TestCase):
         hangs.set()
         log._others.call(goes_on.set)
         self.assertTrue(goes_on.wait(30))
+        log.pause()
+        log.give_back()
+        with ThreadPoolExecutor(1) as thread:  # another one of the child may fork
+            self.assertEqual((True, None), tuple(thread.map(lambda step: step(), (
+                functools.partial(log._others.at_work.acquire, timeout=5), log._others.at_work.release))))
 
     def test_line_that_a_signal_handler_logs_in_whatever_step_of_another_waits_for_nothing(self):
         caller, said, steps = log._Caller(0), [], range(50)
@@ -440,7 +447,11 @@ class Units(unittest.TestCase):
                 for text, shown in ("two\nlines", b""), ("\n", b"two\nlines\n"):  # as print does
                     stream.write(text)
                     self.assertEqual(shown, stream.buffer.getvalue())
+                stream.write("pending")
                 stdout.give_back()
+                self.assertEqual(shown, stream.buffer.getvalue(), "a fork may wait for whoever writes")
+                stream.write("\n")
+                self.assertEqual(shown + b"pending\n", stream.buffer.getvalue())
             self.assertEqual([], list(vars(stream)))
         for other in None, io.StringIO(), io.TextIOWrapper(io.BytesIO()):
             with mock.patch.multiple(sys, stdout=other, __stdout__=other):
@@ -785,7 +796,8 @@ class Units(unittest.TestCase):
 
     def test_cancel_of_goals_up_to_a_time_on_a_clock_that_was_set_back_counts_at_once(self):
         one = server._ActionServer.__new__(server._ActionServer)
-        one.lock, one.started, one.status_list, one._put_off, one._later = threading.RLock(), True, [], False, False
+        one.lock, one.started, one.status_list, one._unshown = threading.RLock(), True, [], []
+        one._put_off = one._later = False
         one.last_cancel = one._latest = rospy.Time(1000)
         with mock.patch.object(rospy.Time, "now", return_value=rospy.Time(10)):
             one.internal_cancel_callback(GoalID(stamp=rospy.Time(5)))

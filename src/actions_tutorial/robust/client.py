@@ -396,8 +396,8 @@ class _Goal(CommStateMachine):
         super().update_status(status_array)
 
     def update_result(self, action_result: Any) -> None:
-        # Another goal's must not wait for the mutex: done_cb, which has it, may have sent that goal and wait for it.
-        if self.action_goal.goal_id.id == action_result.status.goal_id.id:
+        # What is not for it must not wait for the mutex: done_cb, which has it, may wait for the next goal.
+        if self.state != CommState.DONE and self.action_goal.goal_id.id == action_result.status.goal_id.id:
             with self.mutex:
                 if self.state != CommState.DONE:  # a goal that is LOST stays so
                     super().update_result(action_result)

@@ -106,6 +106,7 @@ def go_on():
 
 def give_back():
     """In a child process, which has no threads of ours."""
+    go_on()
     _plain.clear()
     while _taken:
         handler = _taken.pop()

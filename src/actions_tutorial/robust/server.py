@@ -337,7 +337,9 @@ class _ActionServer(actionlib.ActionServer):
     def publish_result(self, status, result):
         """Without it, a goal whose result cannot be sent has no ending."""
         with self.lock:
-            self._unshown += (one for one in self.status_list if one.status is status)  # none, if it is a program's own
+            tracker = next((one for one in reversed(self.status_list) if one.status is status), None)
+            if tracker:  # it is no status of the program's own
+                self._unshown.append(tracker)
             if status.status == GoalStatus.RECALLED:  # which actionlib gives no text, if the cancel came first
                 status.text = status.text or "cancelled before it was taken up"
             try:
@@ -372,10 +374,12 @@ class _ActionServer(actionlib.ActionServer):
                 super().internal_cancel_callback(goal_id)
         finally:  # a callback of the program's may raise
             rate.wake()
-        if self._put_off:
-            if not self._unshown:  # unless a callback for preempts has ended its goal
-                time.sleep(HEAD_START)  # for its ending
-            self.publish_status()  # without it, whoever waits for PREEMPTING waits for the heartbeat, on the ROS clock
+            # Without it, whoever waits for PREEMPTING waits for the heartbeat, on the ROS clock.
+            until, ended = time.monotonic() + HEAD_START, bool(self._unshown)  # by a callback for preempts
+            while self._put_off and not self._unshown and time.monotonic() < until:
+                time.sleep(0.001)
+            if self._put_off and (ended or not self._unshown):  # else whoever ends it shows it
+                self.publish_status()
 
     def unended(self):
         """Returns the trackers of goals that have no ending yet. Takes no lock."""

@@ -38,7 +38,7 @@ LOG_WITHIN = 0.3  # s for itself
 _END, _END_IN_TIME = 250, 251  # beside the numbers of signals, what Closer can be told
 
 unfinished: weakref.WeakSet = weakref.WeakSet()  # while there is any, a node that is killed has exit status 1, not 0
-_endings: set = set()  # weakref.WeakMethod
+_endings: dict = {}  # weakref.WeakMethod by the id of its object, which may be unhashable
 
 
 def at_end(end_goals):
@@ -46,8 +46,9 @@ def at_end(end_goals):
     to the endings of its goals until deadline (as of time.monotonic()). Its object may be forgotten before."""
     if not _endings:
         rospy.on_shutdown(_end_all_goals)
-    _endings.difference_update([one for one in list(_endings) if not one()])  # in place: other threads do so, too
-    _endings.add(weakref.WeakMethod(end_goals))
+    for key in [key for key, one in list(_endings.items()) if not one()]:
+        _endings.pop(key, None)  # in place: other threads do so, too
+    _endings[id(end_goals.__self__)] = weakref.WeakMethod(end_goals)
 
 
 def aside(function, *args):
@@ -64,7 +65,7 @@ def _end_all_goals():
     deadline = time.monotonic() + GOALS_END_WITHIN
     threads = []
     while _endings:
-        end_goals = _endings.pop()()
+        end_goals = _endings.popitem()[1]()
         if end_goals:
             threads.append(aside(end_goals, deadline))
 

@@ -23,8 +23,15 @@ def give_back():
     """In a child process, whose end is not the node's."""
     with contextlib.suppress(AttributeError):  # there was none to mend
         del sys.__stdout__.write
-        if vars(sys.__stdout__).pop("lines_before"):  # else what it prints is lost if it ends by os._exit
-            sys.__stdout__.reconfigure(line_buffering=True)
+        if vars(sys.__stdout__).pop("lines_before"):  # else its lines are seen when it ends
+            sys.__stdout__.write = functools.partial(_write_lines, sys.__stdout__)
+
+
+def _write_lines(stream, text):
+    """With a child's first print; at the fork, it could wait for a lock that a thread of the parent had."""
+    del stream.write
+    stream.reconfigure(line_buffering=True)
+    return stream.write(text)
 
 
 def _write(stream, write, close_node, text):
