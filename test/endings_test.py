@@ -228,6 +228,7 @@ class Endings(NodeCase):
     def test_subclass_that_ends_a_goal_where_it_looks_and_takes_one_up_late_is_asked_without_a_lock(self, scene):
         server = scene.server(GUEST, "own_end")
         goal_id = scene.send(5)
+        scene.wait(lambda: scene.states.get(goal_id), "that it waits")
         scene.cancel(goal_id)
         self.assertEqual("cancelled", scene.wait_result(goal_id).status.text, server)
         took = scene.times[goal_id, "result"] - scene.times[goal_id, "sent"]
