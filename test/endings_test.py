@@ -6,6 +6,7 @@ import select
 import signal
 import socket
 import statistics
+import sys
 import threading
 import time
 import tracemalloc
@@ -219,6 +220,42 @@ class Endings(NodeCase):
         time.sleep(1.2)  # until the older one's thread has gone on
         scene.cancel(newer)
         scene.check_ending(newer, PREEMPTED, bowls(1))
+
+    def test_worker_of_a_goal_that_a_callback_for_preempts_has_ended_stops(self, scene):
+        def work(server):
+            rate = server.rate(20)
+            while rate.sleep():
+                pass
+            stopped.append(True)
+
+        stopped = []
+        Guest(scene.action[:-1], work, in_a_thread, lambda server: server.set_preempted())
+        scene.wait_connected()
+        for count in 1, 2:
+            older, newer = busy(scene), busy(scene)
+            eventually(lambda: len(stopped) == count * 2 - 1, "the end of the first worker", scene, timeout=10)
+            scene.cancel(newer)
+            self.assertEqual([PREEMPTED] * 2, [scene.wait_result(each).status.status for each in (older, newer)])
+            eventually(lambda: len(stopped) == count * 2, "the end of the second worker", scene, timeout=10)
+
+    def test_callback_for_goals_that_exits_keeps_no_lock(self, scene):
+        begun = threading.Event()
+        server = Guest(scene.action[:-1], polite, lambda _: begun.set() or sys.exit())
+        scene.wait_connected()
+        scene.send(1)
+        self.assertTrue(begun.wait(30))
+        eventually(lambda: server.lock.acquire(timeout=0.1), "the lock", scene, timeout=10)
+        server.lock.release()
+
+    def test_goal_that_comes_when_the_server_has_stopped_and_its_topics_are_open_yet_is_recalled(self, scene):
+        server = Guest(scene.action[:-1], polite)
+        scene.wait_connected()
+        runs = busy(scene)
+        with mock.patch.object(robust.shutdown, "SENT_WITHIN", 3):
+            robust.shutdown.aside(server.action_server.stop)
+            self.assertEqual(ABORTED, scene.wait_result(runs).status.status)
+            again = scene.wait_result(scene.send(1)).status
+        self.assertEqual((RECALLED, SHUTTING_DOWN), (again.status, again.text))
 
     def test_newer_goal_is_served_by_a_subclass_that_takes_a_lock_to_say_whether_to_stop(self, scene):
         scene.server(GUEST, "own_look")

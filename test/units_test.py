@@ -259,7 +259,10 @@ class Units(unittest.TestCase):
             shutdown.at_end(forgotten.end)
             del forgotten  # since
             shutdown._end_all_goals()
-            log._Caller(0).call(print)  # nor does the log fail
+            caller, called = log._Caller(0), threading.Event()
+            caller.call(print)  # nor does the log fail
+        caller.call(called.set)
+        self.assertTrue(called.wait(30), "no word of the log since a thread was missing")
         self.assertCountEqual([server, other], ended)
         self.assertTrue(shutdown.aside(print).daemon)  # one that never ends does not hold up the program's end
 
@@ -282,7 +285,9 @@ class Units(unittest.TestCase):
                 peer.sendall(said)
 
         with socket.create_server(("localhost", 0)) as other, ThreadPoolExecutor(1) as thread:
-            for said in b"?\r\n", b"HTTP/1.1 200 OK\r\nContent-Length: 17\r\n\r\n<html><br></html>":
+            words = xmlrpc.client.dumps(("",), methodresponse=True)
+            for said in b"?\r\n", b"HTTP/1.1 200 OK\r\nContent-Length: 17\r\n\r\n<html><br></html>", (
+                    "HTTP/1.1 200 OK\r\nContent-Length: %d\r\n\r\n%s" % (len(words), words)).encode():
                 thread.submit(answer, said)
                 with self.assertRaises(internals.NO_ANSWER):
                     internals.ask("http://localhost:%d" % other.getsockname()[1], "getPid", timeout=30)
@@ -369,13 +374,22 @@ class Units(unittest.TestCase):
             said.append(logging.raiseExceptions)
 
         with mock.patch.object(log, "hold_nobody_up", say), mock.patch.object(node, "_rospy_init_node", say):
+            rospy.client._init_node_args = "those of a start that fails"
             node._start((), {})
-        self.assertEqual([False, False, True], [*said, logging.raiseExceptions])
+        self.assertEqual([False, False, True, None],
+                         [*said, logging.raiseExceptions, rospy.client._init_node_args])
+        handler, sources = logging.FileHandler("/dev/null"), logging.getLogger("a library")
+        with contextlib.redirect_stderr(io.StringIO()) as complaints, mock.patch.object(log, "_taken", []):
+            log.hold_nobody_up([handler])
+            sources.addHandler(handler)
+            sources.warning("two words", 2)  # as a wrong line of a library that its author never saw
+            sources.removeHandler(handler)
+        self.assertIn("cannot log to /dev/null: not all arguments", complaints.getvalue())
 
     def test_log_s_own_stream_has_the_encoding_of_stdout_and_leaves_it_open(self):
         with mock.patch.object(sys, "__stdout__", io.TextIOWrapper(io.BytesIO(), "latin-1")):
             own = log._own(sys.__stdout__)
-        self.assertEqual(("latin-1", "backslashreplace", True), (own.encoding, own.errors, own.line_buffering))
+        self.assertEqual(("latin-1", "backslashreplace", True), (own.encoding, own.errors, own.write_through))
         own.close()
         os.fstat(1)
 
@@ -564,9 +578,11 @@ class Units(unittest.TestCase):
         asked.action_client.result_sub.resolved_name = "/result"
         asked.action_client.feedback_sub.resolved_name = "/feedback"
         here, elsewhere = ([(1, me, "o", "TCPROS", "/result"), (2, peer, "o", "TCPROS", "/feedback")]
-                           for peer in (me, "elsewhere"))
+                           for peer in (me, "/elsewhere"))
+        unnamed = [(1, "::ffff:127.0.0.1:5", "o", "TCPROS", "/result", True)]  # rosnodejs
         for connections, registered, is_there in (
-                (here, ago, True), (elsewhere, ago, False), ([], ago, True), ([], time.monotonic(), False)):
+                (here, ago, True), (elsewhere, ago, False), ([], ago, True), ([], time.monotonic(), False),
+                (unnamed, ago, True), ([(1, "http://me", "i", "TCPROS", "/result")], ago, False)):
             asked._SimpleActionClient__registered = registered
             with mock.patch.object(client, "ask_node", return_value=connections):
                 self.assertEqual(is_there, robust.SimpleActionClient._SimpleActionClient__ask_server(asked))
@@ -623,6 +639,10 @@ class Units(unittest.TestCase):
             for each in threads:
                 each.result()
         self.assertEqual(([GoalStatus.LOST], GoalStatus.LOST), (ends[-1:], lost.latest_goal_status.status))
+        lost.feedback_cb = ended.feedback_cb = mock.Mock()
+        for goal in lost, ended:
+            goal.update_feedback(TestActionFeedback(status=result.status))
+        self.assertEqual(1, ended.feedback_cb.call_count, "feedback of a goal that is LOST, or none of one that ended")
         self.assertEqual((GoalStatus.SUCCEEDED, ""), (ended.latest_goal_status.status, ended.why))
 
     def test_question_is_asked_again_that_raised_or_was_answered_more_than_a_second_ago(self):
@@ -856,12 +876,20 @@ class Units(unittest.TestCase):
             for _ in range(2):  # the second time none waits
                 one.accept_new_goal()
             self.assertEqual(count, one._SimpleActionServer__taken_over)
+        one.current_goal, one.next_goal, one.new_goal = actionlib.ServerGoalHandle(), mock.Mock(), True
+        one.preempt_request = True  # a callback for preempts has ended the one before
+        one.accept_new_goal()
+        self.assertEqual(2, one._SimpleActionServer__taken_over)
 
     def test_rate_that_serves_several_goals_ends_one_sleep_for_each_that_is_taken_over(self):
         asked = mock.Mock(_SimpleActionServer__taken_over=0, is_preempt_requested=lambda: False)
         with mock.patch.object(rate, "Rate", lambda hz, stop_requested: stop_requested):
             stop_requested = robust.SimpleActionServer.rate(asked, 1)
         before = stop_requested()
+        asked.is_preempt_requested = lambda: True
+        self.assertTrue(stop_requested())
+        asked.is_preempt_requested, asked._SimpleActionServer__taken_over = lambda: False, 5
+        self.assertFalse(stop_requested(), "by a goal that came since the last stop")
         asked._SimpleActionServer__taken_over = 1
         self.assertEqual([False, True, False], [before, stop_requested(), stop_requested()])
         asked._SimpleActionServer__taken_over, asked._SimpleActionServer__taken_by = 2, threading.get_ident()

@@ -129,9 +129,11 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             connections = ask_node(server, "getBusInfo", 2)
         except NO_ANSWER:
             return True  # it cannot be asked
-        if not connections:  # it does not tell, or is about to connect
+        sends = [(str(peer), topic) for _, peer, way, _, topic, *_ in connections if way == "o"]
+        # It does not tell, or not by names (rosnodejs), or is about to connect.
+        if not connections or sends and not any(peer[:1] == "/" for peer, _ in sends):
             return time.monotonic() - self.__registered >= CONNECTED_AFTER
-        sent = {topic for _, peer, _, _, topic, *_ in connections if peer == rospy.get_name()}
+        sent = {topic for peer, topic in sends if peer == rospy.get_name()}
         return {client.result_sub.resolved_name, client.feedback_sub.resolved_name} <= sent
 
     def __register_again(self, publishers: tuple) -> None:
@@ -173,6 +175,18 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             if not self.__is_watched:
                 threading.Thread(target=self.__watch, daemon=True).start()  # which may fail
                 self.__is_watched = True
+
+    def cancel_goal(self) -> None:
+        """Ask the server to stop the goal, if it has not ended; also one that another thread is just sending."""
+        with self.action_client.manager.list_mutex:
+            gh = self.gh
+        if gh:
+            gh.cancel()
+
+    def stop_tracking_goal(self) -> None:
+        """Forget the goal; it goes on."""
+        with self.action_client.manager.list_mutex:
+            super().stop_tracking_goal()
 
     def send_goal_and_wait(self, goal: genpy.Message, execute_timeout: Seconds = rospy.Duration(),
                            preempt_timeout: Seconds = rospy.Duration()) -> int:
@@ -404,8 +418,9 @@ class _Goal(CommStateMachine):
 
     def update_feedback(self, action_feedback: Any) -> None:
         """Without it, the last feedback is dropped if the one before takes its callback longer than the result takes
-        to come."""
-        if self.action_goal.goal_id.id == action_feedback.status.goal_id.id:
+        to come. A goal that is LOST has none."""
+        if self.action_goal.goal_id.id == action_feedback.status.goal_id.id and not (
+                self.state == CommState.DONE and self.latest_goal_status.status == GoalStatus.LOST):
             self.mentioned = True  # a server that works in its goal callback sends no status meanwhile
             self.feedback_cb(actionlib.ClientGoalHandle(self), action_feedback.feedback)
 

@@ -12,8 +12,9 @@ import rospy
 from actionlib_msgs.msg import GoalStatus
 
 TESTED = {"rospy": "1.15.9 to 1.17.4", "actionlib": "1.13.2 to 1.14.3"}
-# Of a master or a node that is asked:
-NO_ANSWER = OSError, http.client.HTTPException, xmlrpc.client.Error, xml.parsers.expat.ExpatError
+# Of a master or a node that is asked; the last two of an answer that has no third part:
+NO_ANSWER = (OSError, http.client.HTTPException, xmlrpc.client.Error, xml.parsers.expat.ExpatError, IndexError,
+             TypeError)
 
 
 class CannotStart(rospy.ROSInitException, SystemExit):

@@ -9,6 +9,7 @@ import collections
 import contextlib
 import copy
 import functools
+import io
 import logging
 import os
 import select
@@ -85,11 +86,12 @@ def hold_nobody_up(handlers):
         if isinstance(handler, RosStreamHandler):
             need("rospy", handler, "_stdout", "_stderr")
             handler.stdout_before, handler._stdout = handler._stdout, _own(handler._stdout)
-            handler.emit = functools.partial(_write_at_once, handler, write)
+            emit = functools.partial(_write_at_once, handler, write)
             if "ROSCONSOLE_FORMAT" not in os.environ:
                 _plain.append(handler)
         else:
-            handler.emit = functools.partial(_write_later, _others, write)
+            emit = functools.partial(_write_later, _others, write)
+        handler.emit = functools.partial(_write, handler, emit)  # a library's wrong format is its line's error
         _taken.append(handler)
 
 
@@ -150,7 +152,11 @@ class _Caller(collections.deque):
             self.append(function)
         with contextlib.suppress(RuntimeError):  # no thread to be had, or it has been told already
             if self._begins.acquire(blocking=False):  # once
-                threading.Thread(target=self._run, daemon=True).start()
+                try:
+                    threading.Thread(target=self._run, daemon=True).start()
+                except RuntimeError:  # the next call tries again
+                    self._begins.release()
+                    raise
             self._news.release()
 
     def _run(self):
@@ -237,4 +243,5 @@ def _own(stream):
         return stream
     if stream is None:
         return open(os.devnull, "w")
-    return open(1, "w", buffering=1, encoding=stream.encoding, errors="backslashreplace", closefd=False)
+    unbuffered = open(1, "wb", buffering=0, closefd=False)  # or Python 3.13 complains of what it cannot flush
+    return io.TextIOWrapper(unbuffered, stream.encoding, "backslashreplace", write_through=True)

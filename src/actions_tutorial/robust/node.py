@@ -169,6 +169,8 @@ def _start(options, ports):
                            and type(handler).__module__.split(".")[0] in ("logging", "rosgraph", "rospy"))
     finally:
         logging.raiseExceptions = complain
+        if not rospy.core.is_initialized():  # or a second try returns at once, and there is no node
+            rospy.client._init_node_args = None
 
 
 @contextlib.contextmanager

@@ -89,13 +89,14 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def rate(self, hz: float) -> rate.Rate:
         """Returns a rospy.Rate of hz (1/s) on the ROS clock for the goal that runs. Its sleep() returns True at the end
         of the period, and False at once when the goal is asked to stop."""
-        seen = self.__taken_over
+        seen, told = self.__taken_over, False
 
         def stop_requested():
-            nonlocal seen
-            seen, before = self.__taken_over, seen
+            nonlocal seen, told
+            before, heard = seen, told
+            seen, told = self.__taken_over, self.is_preempt_requested()
             # Whoever has accepted the newer goal works on it from now on.
-            return self.is_preempt_requested() or seen != before and self.__taken_by != threading.get_ident()
+            return told or seen != before and not heard and self.__taken_by != threading.get_ident()
 
         return rate.Rate(hz, stop_requested)
 
@@ -106,7 +107,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def accept_new_goal(self) -> Optional[genpy.Message]:
         """Take up the goal that waits; every client sees it ACTIVE before its feedback. Returns the goal, or None."""
         with self.action_server.lock, self.lock:
-            if self.is_active() and self.new_goal:
+            # Or one that a callback for preempts has ended: whoever works on it may not have heard.
+            if self.new_goal and (self.is_active() or self.preempt_request):
                 self.__taken_over, self.__taken_by = self.__taken_over + 1, threading.get_ident()
             goal = super().accept_new_goal()
         if goal is not None:
@@ -151,7 +153,12 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 self.current_goal = _Ended(ended.status_tracker, ended.action_server, ended.handle_tracker)
                 if not self.new_goal:
                     self.next_goal = self.current_goal
-        super().internal_goal_callback(goal)
+        try:
+            super().internal_goal_callback(goal)
+        except BaseException:  # actionlib keeps its lock after sys.exit and after an error without words
+            with contextlib.suppress(RuntimeError):
+                self.execute_condition.release()
+            raise
 
     def executeLoop(self) -> None:
         """For the library: the thread of execute_cb. In its own, a goal waits up to 100 ms after each other one, and
@@ -360,6 +367,10 @@ class _ActionServer(actionlib.ActionServer):
     def internal_goal_callback(self, goal):
         with self.lock:
             self._look_at_the_clock()
+            if not self.started:  # its topics are still open
+                late = GoalStatus(goal.goal_id, GoalStatus.RECALLED, SHUTTING_DOWN)
+                self._tell(late)
+                return self._show([late])
             super().internal_goal_callback(goal)
             if not any(tracker.goal is goal for tracker in reversed(self.status_list)) and \
                     any(tracker.goal and tracker.status.goal_id.id == goal.goal_id.id for tracker in self.status_list):
@@ -396,16 +407,24 @@ class _ActionServer(actionlib.ActionServer):
                 status = tracker.status
                 status.text = SHUTTING_DOWN
                 status.status = GoalStatus.RECALLED if status.status in _RECALLABLE else GoalStatus.ABORTED
-                result = self.ActionResult(status=status, result=self.ActionResultType())
-                result.header.stamp = rospy.Time.now()
-                self.result_pub.publish(result)
+                self._tell(status)
                 self._unshown.append(tracker)  # so that a server that is started again forgets it
-            last = GoalStatusArray(status_list=[tracker.status for tracker in list(self.status_list)])
-            last.header.stamp = rospy.Time.now()
-            self.status_pub.publish(last)
+            self._show([tracker.status for tracker in list(self.status_list)])
         finally:
             if mine:
                 self.lock.release()
+
+    def _tell(self, status):
+        result = self.ActionResult(status=status, result=self.ActionResultType())
+        result.header.stamp = rospy.Time.now()
+        with contextlib.suppress(rospy.ROSException):  # the topics are closed
+            self.result_pub.publish(result)
+
+    def _show(self, statuses):
+        last = GoalStatusArray(status_list=statuses)
+        last.header.stamp = rospy.Time.now()
+        with contextlib.suppress(rospy.ROSException):
+            self.status_pub.publish(last)
 
     def _look_at_the_clock(self):
         """Without it, a clock that is set back makes the server refuse all goals until it is later than it was: after a

@@ -185,9 +185,9 @@ class Closer(threading.Thread):
 
     def _hear_request(self, text):
         """In place of print in rospy/impl/masterslave.py, shutdown, whose line would stand in the node's stdout."""
+        self.close()
         twin = "another node took the name %s, so this one ends" % rospy.get_name()
         rospy.logwarn("%s", twin if "same name" in text else text)
-        self.close()
 
     def _begin(self):
         """On shutdown, whoever asked for it."""
