@@ -210,14 +210,16 @@ class Endings(NodeCase):
         eventually(lambda: server.stderr.count("slept to the end: False") == 4, "four who woke up", server, timeout=10)
 
     def test_newer_goal_that_is_accepted_while_the_result_of_the_older_one_waits_is_not_ended_by_it(self, scene):
-        Guest(scene.action[:-1], polite, in_a_thread)
+        workers = []
+        Guest(scene.action[:-1], polite, lambda server: workers.append(in_a_thread(server)))
         scene.wait_connected()
         with mock.patch.object(robust.server, "FEEDBACK_HEAD_START", 1):
             older = scene.send(1)
             scene.wait_bowls(older, 1)
             newer = busy(scene)
         self.assertEqual(PREEMPTED, scene.wait_result(older).status.status)
-        time.sleep(1.2)  # until the older one's thread has gone on
+        workers[0].join(30)
+        self.assertFalse(workers[0].is_alive(), "has the older one's worker not gone on")
         scene.cancel(newer)
         scene.check_ending(newer, PREEMPTED, bowls(1))
 

@@ -196,7 +196,7 @@ class Wordless(Exception):
 # --- the servers ---
 
 def in_a_thread(server):
-    threading.Thread(target=server.execute_cb, args=[server.accept_new_goal()], daemon=True).start()
+    return robust.shutdown.aside(server.execute_cb, server.accept_new_goal())
 
 
 def with_silent_peers(name):
@@ -228,7 +228,7 @@ KINDS = {
     "goal_cb_and_thread": lambda name: Guest(name, sleep, in_a_thread),
     # Ends nothing: between a look and set_preempted a newer goal may come, which that would end (so in actionlib, too).
     "goal_cb_and_nap": lambda name: Guest(name, nap, in_a_thread),
-    "goal_cb_accepts_twice": lambda name: Guest(name, sleep, lambda one: in_a_thread(one) or one.accept_new_goal()),
+    "goal_cb_accepts_twice": lambda name: Guest(name, sleep, lambda one: (in_a_thread(one), one.accept_new_goal())),
     "goal_cb_loops": lambda name: Guest(name, loop, lambda server: server.execute_cb(server.accept_new_goal())),
     "hook_raises": lambda name: rospy.on_shutdown(dirty) or Guest(name, polite),
     "hook_blocks": lambda name: rospy.on_shutdown(block) or Guest(name, polite),

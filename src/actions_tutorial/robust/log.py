@@ -156,7 +156,6 @@ class _Caller(collections.deque):
                     threading.Thread(target=self._run, daemon=True).start()
                 except RuntimeError:  # the next call tries again
                     self._begins.release()
-                    raise
             self._news.release()
 
     def _run(self):

@@ -67,12 +67,12 @@ def _run(server):
 def _read_side_by_side():
     """Give each connection a thread. Without it, rospy reads the first bytes of one before it accepts the next: one
     silent peer locks all others out (rospy/impl/tcpros_base.py, TCPServer.run)."""
-    need("rospy", tcpros_base, "_tcpros_server", "start_tcpros_server", "init_tcpros_server")
+    need("rospy", tcpros_base, "_tcpros_server", "start_tcpros_server")
     end_quietly()
-    if not tcpros_base._tcpros_server:
+    tcpros = tcpros_base._tcpros_server
+    if not tcpros:
         return  # before init_node, which says which port it has
     tcpros_base.start_tcpros_server()
-    tcpros = tcpros_base.init_tcpros_server()  # the one that is there
     need("rospy", tcpros, "topic_connection_handler", "tcp_ros_server.server_sock", "tcp_ros_server.inbound_handler")
     server, connect, turn = tcpros.tcp_ros_server, tcpros.topic_connection_handler, threading.Lock()
     if getattr(connect, "func", None) is _in_turn:

@@ -107,7 +107,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def accept_new_goal(self) -> Optional[genpy.Message]:
         """Take up the goal that waits; every client sees it ACTIVE before its feedback. Returns the goal, or None."""
         with self.action_server.lock, self.lock:
-            # Or one that a callback for preempts has ended: whoever works on it may not have heard.
+            # preempt_request: a callback for preempts has ended the older one, whose worker may not have heard.
             if self.new_goal and (self.is_active() or self.preempt_request):
                 self.__taken_over, self.__taken_by = self.__taken_over + 1, threading.get_ident()
             goal = super().accept_new_goal()
@@ -168,7 +168,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             if self.is_new_goal_available():  # a subclass's may take a lock, or let the goal wait
                 self.__execute(self.accept_new_goal())
                 continue
-            with self.execute_condition:  # 1 s: for whoever sets need_to_terminate without a notification
+            # 0.1 s, as actionlib's: for a goal that has to wait. 1 s: who sets need_to_terminate may not notify.
+            with self.execute_condition:
                 if came or not self.new_goal and not self.need_to_terminate:
                     self.execute_condition.wait(0.1 if came else 1)
 
@@ -259,7 +260,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
 
 class _Ended(actionlib.ServerGoalHandle):
-    """A goal that came before any other."""
+    """A goal that has ended, with the oldest stamp there is: no newer one is refused for being older."""
 
     def get_goal_id(self):
         return GoalID(id=super().get_goal_id().id)
@@ -376,7 +377,7 @@ class _ActionServer(actionlib.ActionServer):
                     any(tracker.goal and tracker.status.goal_id.id == goal.goal_id.id for tracker in self.status_list):
                 rospy.logwarn("%s: goal ignored: its id %.60r is that of a recent goal", rospy.resolve_name(self.ns),
                               goal.goal_id.id)
-        rate.wake()  # without the lock, which a subclass's is_preempt_requested may wait for with the clock's held
+        rate.wake()  # the goal that runs has to stop for this one
 
     def internal_cancel_callback(self, goal_id):
         try:
