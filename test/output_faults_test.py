@@ -72,6 +72,19 @@ class OutputFaults(NodeCase):
         for end in reader, terminal:
             os.close(end)
 
+    def test_terminal_that_nobody_reads_holds_up_no_line_of_log(self, scene):
+        reader, terminal = pty.openpty()  # as of ssh without a network; it is full after some 20 000 letters
+        logs = scene.start("/usr/bin/python3", "-c", """
+from actions_tutorial import robust
+import rospy
+robust.init_node("logs")
+for number in range(2000):
+    rospy.loginfo("%99d", number)""", stdout=terminal)
+        self.assertEqual(0, logs.wait(), logs)
+        check_quiet(logs)
+        for end in reader, terminal:
+            os.close(end)
+
     def test_client_that_nobody_reads_any_more_cancels_its_goal_however_large(self, scene):
         scene.server()
         shell = scene.start("bash", "-c", "rosrun actions_tutorial action_client.py _number_of_minutes:=2147483647 "

@@ -295,7 +295,7 @@ class Units(unittest.TestCase):
     def logged(self):
         """Returns a list to which each line of rospy's log is added."""
         said, handler = [], logging.Handler()
-        handler.emit = functools.partial(log._write_at_once, mock.Mock(_stdout=io.StringIO()),
+        handler.emit = functools.partial(log._write_to_terminal, mock.Mock(_stdout=io.StringIO()),
                                          lambda line: said.append(line.getMessage()))
         logger, level = logging.getLogger("rosout"), logging.getLogger("rosout").level
         logger.addHandler(handler)
@@ -304,10 +304,11 @@ class Units(unittest.TestCase):
         return said
 
     def test_lines_on_goals_stand_before_later_ones_and_each_line_says_what_was_so_when_it_was_logged(self):
-        said, words, caller = self.logged(), ["then"], mock.Mock()
+        said, words = self.logged(), ["then"]
         log._soon.extend(functools.partial(str, number) for number in range(1000))
         rospy.loginfo("later,\nin two lines")
-        log._write_later(caller, lambda line: said.append(line.getMessage()), record("%s", words))
+        with mock.patch.object(log, "_others") as caller:
+            log._write_later(lambda line: said.append(line.getMessage()), record("%s", words))
         words[:] = ["now"]
         caller.call.call_args[0][0]()
         self.assertEqual([*map(str, range(1000)), "later,\nin two lines", "['then']"], said)
@@ -348,14 +349,15 @@ class Units(unittest.TestCase):
         self.assertEqual(["x" * 5000] + ["a plate"] * 5, said)
 
     def test_line_waits_for_the_stream_that_it_goes_to_and_where_none_can_be_asked_for_none(self):
-        handler, write = mock.Mock(_stdout="takes a line", _stderr="is stopped"), mock.Mock()
-        with mock.patch.object(log, "_takes_a_line", handler._stdout.__eq__), \
-                mock.patch.object(log, "_write_later") as later:
+        stopped, write = mock.Mock(), mock.Mock()
+        handler = mock.Mock(_stdout=io.StringIO(), _stderr=stopped)
+        with mock.patch.object(log, "_takes_a_line", lambda stream: stream is not stopped), \
+                mock.patch.object(log, "_terminal", mock.MagicMock(__bool__=lambda caller: False)) as later:
             for level, calls in (logging.INFO, (1, 0)), (logging.WARNING, (1, 1)):
                 line = record("a bowl")
                 line.levelno, line.args = level, None  # as logging.handlers.QueueHandler makes it
-                log._write_at_once(handler, write, line)
-                self.assertEqual(calls, (write.call_count, later.call_count))
+                log._write_to_terminal(handler, write, line)
+                self.assertEqual(calls, (write.call_count, later.call.call_count))
         for error in AttributeError, OSError, ValueError:
             self.assertTrue(log._takes_a_line(mock.Mock(fileno=mock.Mock(side_effect=error))))
 

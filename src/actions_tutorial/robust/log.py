@@ -2,8 +2,8 @@
 """The log of a node: no line of it can block or break the node, and what others sent cannot steer a terminal.
 
 A line goes to the terminal at once, if that takes it without waiting, so the lines of several nodes on one terminal
-stand in their order. A thread takes it to /rosout and the log file a moment later. While the terminal is stopped, a
-second thread holds its lines.
+stand in their order. A thread takes it to /rosout and the log file a moment later. A second one writes to a terminal,
+and holds its lines while that is stopped or nobody reads it.
 """
 import collections
 import contextlib
@@ -26,6 +26,7 @@ from .internals import need
 LATER = 0.005  # s that a line for /rosout and the file waits, while what it tells of goes out
 WAITING = 1000  # lines that may wait for one of the two threads; further ones are lost
 AT_ONCE = 2000  # characters; a pipe that takes anything takes 4096 bytes without waiting
+READ_WITHIN = 0.05  # s that a terminal may keep whoever logs, once
 
 _ROSPY = os.path.join("rospy", "impl", "")
 
@@ -70,7 +71,8 @@ def show():
         text = line()
         if not isinstance(text, _Shown) and len(text) < AT_ONCE:
             text = _Shown(text)
-            _write(terminal, terminal._stdout.write, "[INFO] [%f]: %s\n" % (time.time(), text))
+            _write_at_once(terminal._stdout, text, functools.partial(
+                _write, terminal, terminal._stdout.write, "[INFO] [%f]: %s\n" % (time.time(), text)))
         _soon.append(lambda text=text: text)
 
 
@@ -86,11 +88,11 @@ def hold_nobody_up(handlers):
         if isinstance(handler, RosStreamHandler):
             need("rospy", handler, "_stdout", "_stderr")
             handler.stdout_before, handler._stdout = handler._stdout, _own(handler._stdout)
-            emit = functools.partial(_write_at_once, handler, write)
+            emit = functools.partial(_write_to_terminal, handler, write)
             if "ROSCONSOLE_FORMAT" not in os.environ:
                 _plain.append(handler)
         else:
-            emit = functools.partial(_write_later, _others, write)
+            emit = functools.partial(_write_later, write)
         handler.emit = functools.partial(_write, handler, emit)  # a library's wrong format is its line's error
         _taken.append(handler)
 
@@ -185,22 +187,32 @@ def _taken_off():
 _terminal, _others = _Caller(0), _Caller(LATER)
 
 
-def _write_at_once(handler, write, record):
+def _write_to_terminal(handler, write, record):
     catch_up()
     if any(isinstance(one, _Shown) for one in record.args or ()):  # which may be a dict
         return
+    text = record.getMessage()
     if _ROSPY in record.pathname:  # its warnings quote what a peer has sent
-        record = _with_text(record, printable(record.getMessage()))
+        text = printable(text)
     stream = handler._stdout if record.levelno < logging.WARNING else handler._stderr
-    if not _terminal and len(record.getMessage()) < AT_ONCE and _takes_a_line(stream):
-        write(record)
+    _write_at_once(stream, text, functools.partial(write, _with_text(record, text)))
+
+
+def _write_at_once(stream, text, write):
+    """Call write(), which writes text (str) to stream; in the thread, if it may have to wait."""
+    if _terminal or len(text) >= AT_ONCE or not _takes_a_line(stream):
+        _terminal.call(write)
+    elif stream.isatty():  # it says so if it takes a byte: nobody may read it (ssh, and the network is gone)
+        written = threading.Event()
+        _terminal.call(lambda: (write(), written.set()))
+        written.wait(READ_WITHIN)
     else:
-        _write_later(_terminal, write, record)
+        write()
 
 
-def _write_later(caller, write, record):
-    record = _with_text(record, record.getMessage())  # its arguments may change before the thread gets at them
-    caller.call(functools.partial(write, record))
+def _write_later(write, record):
+    text = record.getMessage()  # its arguments may change before the thread gets at them
+    _others.call(functools.partial(write, _with_text(record, text)))
 
 
 def _with_text(record, text):
