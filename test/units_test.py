@@ -532,6 +532,18 @@ class Units(unittest.TestCase):
         self.watch(busy, busy, _SimpleActionClient__server_lives=lives)
         self.assertEqual(([], 1), (busy.lose.mock_calls, lives.call_count))
 
+    def test_goal_is_lost_after_30_s_unless_a_callback_holds_up_the_statuses_of_a_server_that_lives(self):
+        for held_up, speaks_of_others, lives, is_lost in (
+                (False, False, True, True), (True, False, True, False), (True, False, False, True),
+                (True, True, True, True)):
+            goal, _ = self.goal_and_result(lambda gh: gh.comm_state_machine.call(
+                lambda: heard.append("/result" in client._running)), mock.Mock())
+            heard, goal.silence, goal.state = [], 31, CommState.ACTIVE
+            goal.look = mock.Mock(return_value=speaks_of_others)
+            with mock.patch.object(client, "_running", [goal.topic] * held_up):
+                self.watch(*[goal] * 2, _SimpleActionClient__server_lives=lambda: lives)
+            self.assertEqual([held_up] * is_lost, heard, (held_up, speaks_of_others, lives))
+
     def test_feedback_and_status_of_the_goal_not_of_another_are_words_about_it_and_a_callback_is_no_silence(self):
         goal, _ = self.goal_and_result(None)
         goal.feedback_cb = mock.Mock()
@@ -548,6 +560,23 @@ class Units(unittest.TestCase):
 
     def test_feedback_that_nobody_wants_is_no_error(self):
         robust.SimpleActionClient._handle_feedback(mock.MagicMock(feedback_cb=None), mock.Mock(), None)
+
+    def test_goal_of_a_handle_that_a_subclass_has_made_as_actionlib_does_has_feedback_and_its_end(self):
+        for base in actionlib.SimpleActionClient, robust.SimpleActionClient:
+            one, sent, result = base.__new__(base), TestActionGoal(), TestActionResult()
+            sent.goal_id.id = result.status.goal_id.id = "id"
+            result.status.status = GoalStatus.SUCCEEDED
+            one.action_client, one.done_condition = mock.MagicMock(), threading.Condition()
+            one.done_cb, one.active_cb, one.feedback_cb = heard = mock.Mock(), mock.Mock(), mock.Mock()
+            one.simple_state = SimpleGoalState.PENDING
+            machine = actionlib.action_client.CommStateMachine(
+                sent, one._handle_transition, one._handle_feedback, None, None)
+            one.gh = actionlib.ClientGoalHandle(machine)
+            machine.update_feedback(TestActionFeedback(status=result.status))
+            machine.update_result(result)
+            self.assertEqual([1, 1, 1], [each.call_count for each in heard], base)
+            with mock.patch.object(rospy.rostime, "_rostime_initialized", True):
+                self.assertTrue(one.wait_for_result(rospy.Duration(1)))
 
     def test_state_that_is_none_has_its_number_for_a_name(self):
         self.assertEqual(["LOST", "42"], list(map(internals.name_of, (GoalStatus.LOST, 42))))
@@ -584,7 +613,7 @@ class Units(unittest.TestCase):
         unnamed = [(1, "::ffff:127.0.0.1:5", "o", "TCPROS", "/result", True)]  # rosnodejs
         for connections, registered, is_there in (
                 (here, ago, True), (elsewhere, ago, False), ([], ago, True), ([], time.monotonic(), False),
-                (unnamed, ago, True), ([(1, "http://me", "i", "TCPROS", "/result")], ago, False)):
+                (0, ago, True), (unnamed, ago, True), ([(1, "http://me", "i", "TCPROS", "/result")], ago, False)):
             asked._SimpleActionClient__registered = registered
             with mock.patch.object(client, "ask_node", return_value=connections):
                 self.assertEqual(is_there, robust.SimpleActionClient._SimpleActionClient__ask_server(asked))

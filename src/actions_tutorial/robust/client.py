@@ -129,7 +129,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             connections = ask_node(server, "getBusInfo", 2)
         except NO_ANSWER:
             return True  # it cannot be asked
-        sends = [(str(peer), topic) for _, peer, way, _, topic, *_ in connections if way == "o"]
+        sends = [(str(peer), topic) for _, peer, way, _, topic, *_ in connections or () if way == "o"]
         # It does not tell, or not by names (rosnodejs), or is about to connect.
         if not connections or sends and not any(peer[:1] == "/" for peer, _ in sends):
             return time.monotonic() - self.__registered >= CONNECTED_AFTER
@@ -269,7 +269,9 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """For the library. In its own, the state becomes DONE after done_cb: for a goal that is sent from there, too,
         and never if that raises. A goal that is not tracked any more needs no error; neither does its feedback."""
         goal, state = gh.comm_state_machine, gh.get_comm_state()
-        if state in (CommState.ACTIVE, CommState.PREEMPTING) and self.__reaches(goal, SimpleGoalState.ACTIVE):
+        if not isinstance(goal, _Goal):  # of a handle that the program itself has made
+            super()._handle_transition(gh)
+        elif state in (CommState.ACTIVE, CommState.PREEMPTING) and self.__reaches(goal, SimpleGoalState.ACTIVE):
             goal.call(goal.active_cb)
         elif state == CommState.DONE and self.__reaches(goal, SimpleGoalState.DONE):
             if gh.get_goal_status() == GoalStatus.SUCCEEDED:
@@ -283,7 +285,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
 
     def _handle_feedback(self, gh: actionlib.ClientGoalHandle, feedback: genpy.Message) -> None:
         with self.action_client.manager.list_mutex:
-            feedback_cb = gh.comm_state_machine is self.__goal() and self.feedback_cb
+            feedback_cb = gh == self.gh and self.feedback_cb
         if feedback_cb:
             feedback_cb(feedback)
 
@@ -306,8 +308,10 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             if goal.state == CommState.WAITING_FOR_GOAL_ACK and real - goal.sent_at >= REPEATED_AFTER and (
                     speaks_of_others or real - goal.begun_at < REPEATED_FOR):
                 goal.send_again()
+            held_up = goal.topic in _running and not speaks_of_others  # no status comes before that callback's end
             if goal.silence > self.__heartbeat_timeout and (
-                    goal.ignored > self.__heartbeat_timeout or goal.silence > LIVING * self.__heartbeat_timeout or
+                    goal.ignored > self.__heartbeat_timeout or
+                    goal.silence > LIVING * self.__heartbeat_timeout and not held_up or
                     not speaks_of_others and not self.__server_lives()):
                 self.action_client.last_status_msg = None  # who waits for a server now waits for one that speaks
                 with self.action_client.manager.list_mutex:
@@ -397,7 +401,7 @@ class _Goal(CommStateMachine):
         with self.mutex:
             if self.state != CommState.DONE:
                 self.cancel()  # in case the server is only asleep
-                self.why = why
+                self.why, self.topic = why, ""  # done_cb runs in the watcher's thread, and holds nothing up
                 super()._mark_as_lost()
 
     def update_status(self, status_array: Any) -> None:
