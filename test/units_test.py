@@ -839,6 +839,16 @@ class Units(unittest.TestCase):
             rate.wake()
             self.assertEqual([True, True], [one.result() for one in slept])
 
+    def serving(self):
+        """Returns a server whose topics go nowhere."""
+        self.addCleanup(rospy.rostime.set_rostime_initialized, False)
+        rospy.rostime.set_rostime_initialized(True)
+        one = robust.SimpleActionServer("work", TestAction, auto_start=False)
+        one.action_server.started = True
+        for topic in "status_pub", "feedback_pub", "result_pub":
+            setattr(one.action_server, topic, mock.Mock())
+        return one
+
     def test_loop_of_a_server_that_needs_to_terminate_does_not_wait(self):
         asked = mock.MagicMock(is_new_goal_available=lambda: False, new_goal=False)
         type(asked).need_to_terminate = mock.PropertyMock(side_effect=[False, True, True])
@@ -902,12 +912,12 @@ class Units(unittest.TestCase):
     def test_goal_that_is_accepted_takes_over_from_one_that_runs_only(self):
         one = robust.SimpleActionServer("work", TestAction, auto_start=False)
         for count in 0, 1:
-            one.next_goal, one.new_goal = mock.Mock(), True
+            one.next_goal, one.new_goal = mock.Mock(**{"get_goal.return_value": GoalStatus()}), True
             one.next_goal.get_goal_status().status = GoalStatus.ACTIVE
             for _ in range(2):  # the second time none waits
                 one.accept_new_goal()
             self.assertEqual(count, one._SimpleActionServer__taken_over)
-        one.current_goal, one.next_goal, one.new_goal = actionlib.ServerGoalHandle(), mock.Mock(), True
+        one.current_goal, one.new_goal = actionlib.ServerGoalHandle(), True
         one.preempt_request = True  # a callback for preempts has ended the one before
         one.accept_new_goal()
         self.assertEqual(2, one._SimpleActionServer__taken_over)
@@ -917,14 +927,60 @@ class Units(unittest.TestCase):
         with mock.patch.object(rate, "Rate", lambda hz, stop_requested: stop_requested):
             stop_requested = robust.SimpleActionServer.rate(asked, 1)
         before = stop_requested()
-        asked.is_preempt_requested = lambda: True
-        self.assertTrue(stop_requested())
+        asked.is_preempt_requested, asked.is_active = lambda: True, lambda: goal_runs
+        for goal_runs, stops in (False, True), (True, True), (False, False):  # a preempt callback may have ended it
+            self.assertEqual(stops, stop_requested(), "whoever has heard and ended its goal sleeps on")
         asked.is_preempt_requested, asked._SimpleActionServer__taken_over = lambda: False, 5
         self.assertFalse(stop_requested(), "by a goal that came since the last stop")
         asked._SimpleActionServer__taken_over = 1
         self.assertEqual([False, True, False], [before, stop_requested(), stop_requested()])
         asked._SimpleActionServer__taken_over, asked._SimpleActionServer__taken_by = 2, threading.get_ident()
         self.assertFalse(stop_requested(), "whoever has taken up the newer goal sleeps on")
+
+    def test_server_that_is_stopped_tells_the_goal_that_runs_and_has_none_that_waits(self):
+        one = self.serving()
+        seen = one.action_server.status_pub.publish
+        for goal_id in "runs", "waits":
+            one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id=goal_id)))
+            if goal_id == "runs":
+                one.accept_new_goal()
+        with mock.patch.object(shutdown, "SENT_WITHIN", 0), mock.patch.object(actionlib.ActionServer, "stop"):
+            one.action_server.stop()
+        self.assertEqual([GoalStatus.ABORTED, GoalStatus.RECALLED],
+                         [status.status for status in seen.call_args[0][0].status_list])
+        self.assertEqual((False, True), (one.is_new_goal_available(), one.is_preempt_requested()))
+        one.action_server.started = True  # again
+        one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id="next")))
+        one.accept_new_goal()
+        self.assertEqual((True, False), (one.is_active(), one.is_preempt_requested()))
+
+    def test_what_is_logged_of_a_goal_holds_up_neither_it_nor_its_ending_and_is_what_came(self):
+        one, lines, goal = self.serving(), [], TestActionGoal(goal_id=GoalID(id="id"))
+
+        def logged(words, *values):
+            with ThreadPoolExecutor(1) as thread:
+                is_free = thread.submit(lambda: one.action_server.lock.acquire(blocking=False) and
+                                        one.action_server.lock.release() is None).result()
+            lines.append((words % values, is_free, one.action_server.result_pub.publish.call_count))
+
+        goal.goal.goal = 7
+        with mock.patch.multiple(rospy, logwarn=logged, logerr=logged), mock.patch.object(log, "_taken", [1]), \
+                mock.patch.object(rate, "wake", lambda: lines.append("woken")):
+            one.execute_thread = threading.current_thread()
+            one.action_server.internal_goal_callback(goal)
+            one.accept_new_goal().goal = 0
+            one.action_server.internal_goal_callback(TestActionGoal(goal_id=goal.goal_id))
+            one.action_server.result_pub.publish.side_effect = [rospy.ROSSerializationException("no"), None]
+            one.set_succeeded()
+            self.assertIn("goal accepted: goal 7", [line() for line in log._taken_off()][-2])
+        self.assertEqual(["woken", "woken", ("/work: goal ignored: its id 'id' is that of a recent goal", True, 0),
+                          ("/work: the result cannot be sent: no", False, 2)], lines)
+
+    def test_whoever_wakes_a_rate_waits_for_nobody(self):  # a signal handler of rospy's, say, that holds the lock
+        with rospy.rostime.get_rostime_cond():
+            before, waker = rate._wakes, shutdown.aside(rate.wake)
+            waker.join(5)
+            self.assertEqual((False, True), (waker.is_alive(), rate._wakes > before))
 
 
 if __name__ == "__main__":

@@ -52,6 +52,7 @@ def wake():
     """Make each Rate that sleeps look whether to stop."""
     global _wakes
     clock = rospy.rostime.get_rostime_cond()
-    with clock:
-        _wakes += 1
+    _wakes += 1  # without the lock: a signal handler of rospy's may hold it that waits for this
+    if clock.acquire(timeout=0.1):
         clock.notify_all()
+        clock.release()

@@ -58,7 +58,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         self.__fed_back = 0.0  # time.monotonic() of the last feedback
         self.__name = rospy.resolve_name(name)
         self.action_server = _ActionServer(
-            self.__begin, name, ActionSpec, self.internal_goal_callback, self.internal_preempt_callback, False)
+            self.__begin, self.__stopped, name, ActionSpec, self.internal_goal_callback,
+            self.internal_preempt_callback, False)
         self.execute_callback = execute_cb
         if auto_start:
             SimpleActionServer.start(self)  # a subclass may mean something else by it
@@ -86,6 +87,12 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         threading.Thread(target=self.__look_for_twins, daemon=True).start()
         self.__log(lambda: "%s waits for goals" % self.__name)
 
+    def __stopped(self):
+        """Without it, the goal that waited is taken up after its end, and the one that runs goes on for ever."""
+        with self.lock:
+            self.new_goal, self.preempt_request = False, True  # of the latter, the next goal makes an end
+        rate.wake()
+
     def rate(self, hz: float) -> rate.Rate:
         """Returns a rospy.Rate of hz (1/s) on the ROS clock for the goal that runs. Its sleep() returns True at the end
         of the period, and False at once when the goal is asked to stop."""
@@ -95,8 +102,10 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             nonlocal seen, told
             before, heard = seen, told
             seen, told = self.__taken_over, self.is_preempt_requested()
+            if told:  # which it stays until the next goal: whoever has heard of it and ended the goal sleeps again
+                return not heard or self.is_active()
             # Whoever has accepted the newer goal works on it from now on.
-            return told or seen != before and not heard and self.__taken_by != threading.get_ident()
+            return seen != before and not heard and self.__taken_by != threading.get_ident()
 
         return rate.Rate(hz, stop_requested)
 
@@ -112,7 +121,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 self.__taken_over, self.__taken_by = self.__taken_over + 1, threading.get_ident()
             goal = super().accept_new_goal()
         if goal is not None:
-            self.__log(lambda: "%s: goal accepted%s" % (self.__name, _plain_fields(goal)))
+            fields = _plain_fields(goal)  # execute_cb may change them
+            self.__log(lambda: "%s: goal accepted%s" % (self.__name, fields))
         return goal
 
     def set_succeeded(self, result: Optional[genpy.Message] = None, text: str = "") -> None:
@@ -168,10 +178,9 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             if self.is_new_goal_available():  # a subclass's may take a lock, or let the goal wait
                 self.__execute(self.accept_new_goal())
                 continue
-            # 0.1 s, as actionlib's: for a goal that has to wait. 1 s: who sets need_to_terminate may not notify.
             with self.execute_condition:
                 if came or not self.new_goal and not self.need_to_terminate:
-                    self.execute_condition.wait(0.1 if came else 1)
+                    self.execute_condition.wait(0.1)  # as actionlib's: not whatever it waits for notifies
 
     def __execute(self, goal):
         if not self.is_active():
@@ -226,10 +235,11 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             threading.Thread(target=self.__ask_to_stop, daemon=True).start()
         while self.action_server.unended() and time.monotonic() < deadline:
             time.sleep(0.01)
-        if self.action_server.unended():
-            rospy.logwarn("%s: the server ends goals that did not stop within %g s", self.__name,
-                          shutdown.GOALS_END_WITHIN)
+        stubborn = self.action_server.unended()
         self.action_server.close()
+        if stubborn:
+            rospy.logwarn("%s: the server ended goals that did not stop within %g s", self.__name,
+                          shutdown.GOALS_END_WITHIN)
         self.need_to_terminate = True  # the thread of execute_cb ends
         if self.lock.acquire(timeout=0.1):
             self.execute_condition.notify_all()
@@ -274,8 +284,8 @@ class _ActionServer(actionlib.ActionServer):
     status_frequency = property(lambda self: self._frequency if self.status_timer else 0.0,
                                 lambda self, value: setattr(self, "_frequency", value))
 
-    def __init__(self, begin, *args, **options):
-        self._begin = begin
+    def __init__(self, begin, stopped, *args, **options):
+        self._begin, self._stopped = begin, stopped
         self._later = False  # whether a status has to wait
         self._put_off = False  # whether one waits
         self._unshown = []  # StatusTrackers of goals that have ended
@@ -293,6 +303,7 @@ class _ActionServer(actionlib.ActionServer):
     def stop(self):
         """Without it, the goals that are left have no ending."""
         self.close()
+        self._stopped()
         time.sleep(shutdown.SENT_WITHIN)
         super().stop()
 
@@ -355,8 +366,8 @@ class _ActionServer(actionlib.ActionServer):
             except Exception as error:
                 clear(self.result_pub)
                 status.status, status.text = GoalStatus.ABORTED, _sendable("the result cannot be sent: %s" % error)
-                rospy.logerr("%s: %s", rospy.resolve_name(self.ns), log.printable(status.text))
                 super().publish_result(status, self.ActionResultType())
+                rospy.logerr("%s: %s", rospy.resolve_name(self.ns), log.printable(status.text))
 
     def publish_feedback(self, status, feedback):
         try:
@@ -373,11 +384,12 @@ class _ActionServer(actionlib.ActionServer):
                 self._tell(late)
                 return self._show([late])
             super().internal_goal_callback(goal)
-            if not any(tracker.goal is goal for tracker in reversed(self.status_list)) and \
-                    any(tracker.goal and tracker.status.goal_id.id == goal.goal_id.id for tracker in self.status_list):
-                rospy.logwarn("%s: goal ignored: its id %.60r is that of a recent goal", rospy.resolve_name(self.ns),
-                              goal.goal_id.id)
+            is_ignored = not any(tracker.goal is goal for tracker in reversed(self.status_list)) and any(
+                tracker.goal and tracker.status.goal_id.id == goal.goal_id.id for tracker in self.status_list)
         rate.wake()  # the goal that runs has to stop for this one
+        if is_ignored:
+            rospy.logwarn("%s: goal ignored: its id %.60r is that of a recent goal", rospy.resolve_name(self.ns),
+                          goal.goal_id.id)
 
     def internal_cancel_callback(self, goal_id):
         try:
