@@ -11,6 +11,7 @@ import logging
 import os
 import pathlib
 import re
+import select
 import signal
 import socket
 import subprocess
@@ -25,6 +26,7 @@ from concurrent.futures import ThreadPoolExecutor
 from unittest import mock
 
 import actionlib
+import rosgraph.xmlrpc
 import rospy
 import rosunit
 from actionlib.msg import TestAction, TestActionFeedback, TestActionGoal, TestActionResult
@@ -233,7 +235,11 @@ class Units(unittest.TestCase):
             program_s.setblocking(False)
             signal.set_wakeup_fd(program_s.fileno())
             one._give_back()  # as in a child of a program whose start has failed
-            self.assertEqual(program_s.fileno(), signal.set_wakeup_fd(-1))
+            self.assertEqual(program_s.fileno(), signal.set_wakeup_fd(program_s.fileno()))
+            one = shutdown.Closer()
+            one.heed_signals()
+        one.give_up()  # the program has closed it meanwhile
+        self.assertEqual(-1, signal.set_wakeup_fd(-1))
         self.assertEqual(signal.SIG_DFL, signal.getsignal(signal.SIGTERM))
 
     def test_goals_end_also_where_no_thread_can_be_had_and_those_of_forgotten_servers_are_forgotten(self):
@@ -291,6 +297,21 @@ class Units(unittest.TestCase):
                 thread.submit(answer, said)
                 with self.assertRaises(internals.NO_ANSWER):
                     internals.ask("http://localhost:%d" % other.getsockname()[1], "getPid", timeout=30)
+
+    def test_two_threads_ask_the_master_at_once(self):
+        def answer():
+            asked.wait(10)
+            return 1, "", "yes"
+
+        asked = threading.Barrier(2)
+        with rosgraph.xmlrpc.ThreadingXMLRPCServer(("localhost", 0), 0) as other:
+            other.register_function(answer)
+            shutdown.aside(other.serve_forever)
+            self.addCleanup(other.shutdown)
+            proxy = internals.impatient_proxy("http://localhost:%d" % other.server_address[1], 10)
+            with ThreadPoolExecutor(2) as threads:
+                answers = [threads.submit(proxy.answer) for _ in range(2)]
+            self.assertEqual(["yes", "yes"], [one.result()[2] for one in answers])
 
     def logged(self):
         """Returns a list to which each line of rospy's log is added."""
@@ -366,8 +387,9 @@ class Units(unittest.TestCase):
             with mock.patch.object(sys, "stderr", stderr):
                 log._say_once(mock.Mock(), [], None)
         with contextlib.redirect_stderr(io.StringIO()) as said:
-            log._say_once(mock.Mock(spec=[]), [], None)
-        self.assertIn("cannot log to the terminal", said.getvalue())
+            for handler in mock.Mock(spec=[]), RosStreamHandler(), mock.Mock(baseFilename="/file"):
+                log._say_once(handler, [], None)
+        self.assertEqual(["/rosout", "the terminal", "/file"], re.findall("cannot log to (.+?): ", said.getvalue()))
 
     def test_log_complains_of_nothing_until_its_handlers_say_so_once(self):
         said = []
@@ -384,9 +406,16 @@ class Units(unittest.TestCase):
         with contextlib.redirect_stderr(io.StringIO()) as complaints, mock.patch.object(log, "_taken", []):
             log.hold_nobody_up([handler])
             sources.addHandler(handler)
-            sources.warning("two words", 2)  # as a wrong line of a library that its author never saw
+            handler.stream = io.StringIO()
+            for number in range(2):
+                sources.warning("two words", number)  # as a wrong line of a library that its author never saw
+            eventually(lambda: handler.stream.getvalue().count("\n") == 2, "both lines")
+            self.assertRegex(handler.stream.getvalue(), "(?m)^two words, with .0,.: not all arguments")
+            handler.setStream(mock.Mock(**{"write.side_effect": OSError("it is full")}))
+            sources.warning("a bowl")
+            eventually(complaints.getvalue, "a complaint")
             sources.removeHandler(handler)
-        self.assertIn("cannot log to /dev/null: not all arguments", complaints.getvalue())
+        self.assertEqual("cannot log to /dev/null: it is full\n", complaints.getvalue())
 
     def test_log_s_own_stream_has_the_encoding_of_stdout_and_leaves_it_open(self):
         with mock.patch.object(sys, "__stdout__", io.TextIOWrapper(io.BytesIO(), "latin-1")):
@@ -394,6 +423,21 @@ class Units(unittest.TestCase):
         self.assertEqual(("latin-1", "backslashreplace", True), (own.encoding, own.errors, own.write_through))
         own.close()
         os.fstat(1)
+
+    def test_long_line_goes_whole_to_a_pipe_that_is_not_to_wait_and_one_that_may_not_fit_goes_by_the_thread(self):
+        reader, writer = os.pipe()
+        os.set_blocking(writer, False)
+        with ThreadPoolExecutor(1) as thread, open(reader, "rb") as pipe, log._Whole(writer, "w") as own:
+            written = thread.submit(own.write, b"x" * 300000)
+            eventually(lambda: written.done() or select.select([pipe], [], [], 0)[0], "a letter")
+            self.assertEqual((300000, 300000), (len(pipe.read(300000)), written.result()))
+        handler, sizes = mock.Mock(), []
+        with mock.patch.object(log, "_write_at_once", lambda stream, size, write: sizes.append(size < log.AT_ONCE)):
+            for change in {}, {"msg": "\u4e8c" * 1000}, {"exc_info": (OSError, OSError(), None)}, {"stack_info": "here"}:
+                line = record("a bowl")
+                vars(line).update(change)
+                log._write_to_terminal(handler, print, line)
+        self.assertEqual([True, False, False, False], sizes)
 
     def test_fork_waits_for_a_disk_that_hangs_for_a_moment_only_and_the_log_goes_on(self):
         begun, hangs, goes_on = threading.Event(), threading.Event(), threading.Event()
@@ -448,6 +492,14 @@ class Units(unittest.TestCase):
             told.assert_not_called()
         self.assertEqual(["first", "second", "third"], said)
 
+    def test_hooks_at_the_end_of_a_program_run_in_its_main_thread(self):  # Python 3.12 starts no other then
+        with closer() as one, mock.patch.object(rospy, "signal_shutdown", side_effect=lambda reason: ends.append(
+                (reason, threading.current_thread()))):
+            ends = []
+            one._closed.set()
+            one._finish()
+        self.assertEqual([("atexit", threading.main_thread())], ends)
+
     def test_line_on_a_goal_that_another_thread_has_just_taken_is_no_error(self):
         with mock.patch.object(log, "_soon", mock.MagicMock(popleft=mock.Mock(side_effect=IndexError))):
             log.catch_up()
@@ -464,7 +516,8 @@ class Units(unittest.TestCase):
                     stream.write(text)
                     self.assertEqual(shown, stream.buffer.getvalue())
                 stream.write("pending")
-                stdout.give_back()
+                for _ in range(2):  # a child of a child
+                    stdout.give_back()
                 self.assertEqual(shown, stream.buffer.getvalue(), "a fork may wait for whoever writes")
                 stream.write("\n")
                 self.assertEqual(shown + b"pending\n", stream.buffer.getvalue())

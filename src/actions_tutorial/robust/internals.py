@@ -88,7 +88,8 @@ def clear(publisher):
         publisher.impl.buff.truncate(0)
 
 
-class _Impatient(xmlrpc.client.Transport):
+class _Impatient(xmlrpc.client.Transport, threading.local):
+    """With a connection for each thread, as one takes no two calls at once, and nobody is to wait for another's."""
 
     def __init__(self, timeout):
         super().__init__()

@@ -25,7 +25,7 @@ from .internals import need
 
 LATER = 0.005  # s that a line for /rosout and the file waits, while what it tells of goes out
 WAITING = 1000  # lines that may wait for one of the two threads; further ones are lost
-AT_ONCE = 2000  # characters; a pipe that takes anything takes 4096 bytes without waiting
+AT_ONCE = 1500  # bytes; a pipe that takes anything takes 4096 without waiting, and ASCII makes 10 of 4
 READ_WITHIN = 0.05  # s that a terminal may keep whoever logs, once
 
 _ROSPY = os.path.join("rospy", "impl", "")
@@ -71,7 +71,7 @@ def show():
         text = line()
         if not isinstance(text, _Shown) and len(text) < AT_ONCE:
             text = _Shown(text)
-            _write_at_once(terminal._stdout, text, functools.partial(
+            _write_at_once(terminal._stdout, len(text), functools.partial(
                 _write, terminal, terminal._stdout.write, "[INFO] [%f]: %s\n" % (time.time(), text)))
         _soon.append(lambda text=text: text)
 
@@ -93,7 +93,7 @@ def hold_nobody_up(handlers):
                 _plain.append(handler)
         else:
             emit = functools.partial(_write_later, write)
-        handler.emit = functools.partial(_write, handler, emit)  # a library's wrong format is its line's error
+        handler.emit = functools.partial(_write, handler, emit)
         _taken.append(handler)
 
 
@@ -191,16 +191,17 @@ def _write_to_terminal(handler, write, record):
     catch_up()
     if any(isinstance(one, _Shown) for one in record.args or ()):  # which may be a dict
         return
-    text = record.getMessage()
+    record = _with_text(record)
     if _ROSPY in record.pathname:  # its warnings quote what a peer has sent
-        text = printable(text)
+        record.msg = printable(record.msg)
     stream = handler._stdout if record.levelno < logging.WARNING else handler._stderr
-    _write_at_once(stream, text, functools.partial(write, _with_text(record, text)))
+    size = AT_ONCE if record.exc_info or record.stack_info else len(record.msg.encode("utf-8", "replace"))
+    _write_at_once(stream, size, functools.partial(write, record))
 
 
-def _write_at_once(stream, text, write):
-    """Call write(), which writes text (str) to stream; in the thread, if it may have to wait."""
-    if _terminal or len(text) >= AT_ONCE or not _takes_a_line(stream):
+def _write_at_once(stream, size, write):
+    """Call write(), which writes so many bytes to stream; in the thread, if it may have to wait."""
+    if _terminal or size >= AT_ONCE or not _takes_a_line(stream):
         _terminal.call(write)
     elif stream.isatty():  # it says so if it takes a byte: nobody may read it (ssh, and the network is gone)
         written = threading.Event()
@@ -211,14 +212,17 @@ def _write_at_once(stream, text, write):
 
 
 def _write_later(write, record):
-    text = record.getMessage()  # its arguments may change before the thread gets at them
-    _others.call(functools.partial(write, _with_text(record, text)))
+    _others.call(functools.partial(write, _with_text(record)))
 
 
-def _with_text(record, text):
-    """Returns a copy of record (logging.LogRecord), for the program's own handlers have it, too."""
-    record = copy.copy(record)
-    record.msg, record.args = text, None
+def _with_text(record):
+    """Returns record (logging.LogRecord) with its text, for its arguments may change before a thread gets at them."""
+    record = copy.copy(record)  # the program's own handlers have it, too
+    try:
+        record.msg = record.getMessage()
+    except Exception as error:  # a wrong format, which is seldom the fault of whoever runs the program
+        record.msg = "%s, with %r: %s" % (record.msg, record.args, error)
+    record.args = None
     return record
 
 
@@ -243,8 +247,9 @@ def _say_once(handler, said, _):
     if not said:
         said.append(True)
         with contextlib.suppress(AttributeError, OSError):  # nobody is left to tell
+            place = "the terminal" if isinstance(handler, RosStreamHandler) else "/rosout"
             sys.stderr.write("cannot log to %s: %s\n" % (
-                getattr(handler, "baseFilename", "the terminal"), sys.exc_info()[1]))
+                getattr(handler, "baseFilename", place), sys.exc_info()[1]))
 
 
 def _own(stream):
@@ -254,5 +259,18 @@ def _own(stream):
         return stream
     if stream is None:
         return open(os.devnull, "w")
-    unbuffered = open(1, "wb", buffering=0, closefd=False)  # or Python 3.13 complains of what it cannot flush
-    return io.TextIOWrapper(unbuffered, stream.encoding, "backslashreplace", write_through=True)
+    # Not buffered, or Python 3.13 complains of what it cannot flush.
+    return io.TextIOWrapper(_Whole(1, "w", closefd=False), stream.encoding, "backslashreplace", write_through=True)
+
+
+class _Whole(io.FileIO):
+    """Without it, what a write does not take is lost: if stdout is not to wait, or is a pipe and Ctrl-Z comes."""
+
+    def write(self, data):
+        written = 0
+        while written < len(data):
+            taken = super().write(data[written:])
+            if taken is None:
+                select.select([], [self], [], 1)
+            written += taken or 0
+        return written

@@ -212,7 +212,9 @@ class Closer(threading.Thread):
         """Once; the exit status stays what it is. A program that ends by itself waits for its hooks, as with rospy."""
         rospy.core.signal_shutdown = rospy.signal_shutdown
         alone = self not in unfinished and not self._begun and not self._deadline
-        if not self._closed.is_set():  # a thread that starts while Python ends can crash it (3.11)
+        if alone:
+            rospy.signal_shutdown("atexit")  # here: Python 3.12 starts no thread any more, and ours has to hear signals
+        elif not self._closed.is_set():  # a thread that starts while Python ends can crash it (3.11)
             self.close(_END)
         begun = self._begun or time.monotonic()
         self._closed.wait(None if alone else begun + CLOSED_WITHIN - time.monotonic())
@@ -224,7 +226,8 @@ class Closer(threading.Thread):
             if signal.getsignal(number) == self._heed:  # nobody else has come since
                 signal.signal(number, signal.SIG_DFL if before is None else before)
         if self._fd_before is not None:
-            signal.set_wakeup_fd(self._fd_before)
+            with contextlib.suppress(OSError, ValueError):  # closed since, or the number is another file's
+                signal.set_wakeup_fd(self._fd_before if _file(self._fd_before) == self._file_before else -1)
         self._before, self._fd_before, self._file_before = {}, None, None
 
     def _forget(self):

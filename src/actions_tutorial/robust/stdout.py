@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Standard output of print: what it prints is there at once, and a node whose lines nobody can read ends."""
-import contextlib
 import functools
 import os
 import sys
@@ -21,10 +20,11 @@ def take_over(close_node):
 
 def give_back():
     """In a child process, whose end is not the node's."""
-    with contextlib.suppress(AttributeError):  # there was none to mend
-        del sys.__stdout__.write
-        if vars(sys.__stdout__).pop("lines_before"):  # else its lines are seen when it ends
-            sys.__stdout__.write = functools.partial(_write_lines, sys.__stdout__)
+    stream = sys.__stdout__
+    if hasattr(stream, "lines_before"):  # there is one to mend, and it is not a child's child
+        del stream.write
+        if vars(stream).pop("lines_before"):  # else its lines are seen when it ends
+            stream.write = functools.partial(_write_lines, stream)
 
 
 def _write_lines(stream, text):
