@@ -3,8 +3,10 @@
 A user may call it at any time: each check finds the machine as the one before has left it.
 """
 import contextlib
+import fcntl
 import re
 import subprocess
+import threading
 
 import pytest
 
@@ -13,7 +15,7 @@ from processes import eventually
 
 pytestmark = pytest.mark.needs("root", "debootstrap", "ip", "nsenter")
 CHECKOUT, COPY, WORKSPACE = "/srv/actions_tutorial", "/srv/copy", "/home/learner/workspace"
-INSTALL, BUILD = WORKSPACE + "/log/apt-install.log", WORKSPACE + "/log/build.log"
+UPDATE, INSTALL, BUILD = (WORKSPACE + "/log/%s.log" % step for step in ("apt-update", "apt-install", "build"))
 ROOTS = dict(user="root", TUTORIAL_WS="/srv/ws")
 
 
@@ -113,6 +115,20 @@ def test_a_ros_1_in_opt_is_taken_by_its_names(machine, sudo, ros):
     machine.run("rm", "-r", "/opt/ros", user="root")
 
 
+def test_lists_that_the_system_is_just_reading_itself_are_waited_for(machine, sudo):
+    def read():
+        with open(machine.path / "var/lib/apt/lists/lock", "w") as lock:
+            fcntl.lockf(lock, fcntl.LOCK_EX)
+            begun.set()
+            eventually(lambda: log.exists() and "Could not get lock" in log.read_text(), "a try", timeout=120)
+
+    begun, log, system = threading.Event(), machine.path / UPDATE[1:], threading.Thread(target=read)
+    system.start()
+    begun.wait()
+    interrupted(machine, "Ctrl-C", "^(Get|Hit):", "demo", log=UPDATE)
+    system.join()
+
+
 @pytest.mark.parametrize("how, words", [
     ("Ctrl-C", "reading the list"), ("Ctrl-C", "^Get:"), ("TERM", "^Get:.*boost"), ("Power cut", "^Unpacking"),
     ("Ctrl-C", "^Unpacking"), ("Power cut", "^Setting up"), ("closed", "^Setting up")])
@@ -157,6 +173,7 @@ def test_what_runs_is_named_before_clean_or_a_new_build_takes_it_away(machine, r
 
 # The server may say last that the goal has ended; roslaunch says much after what a node says.
 @pytest.mark.parametrize("argument, status, among, words, changed", [
+    ("client:=no", 1, 1, "^no is not a 'bool' type$", []),
     ("number_of_minutes:=-3", 1, 2, "ABORTED.*number_of_minutes is -3, must be 0 or more", []),
     ("number_of_minutes:=x", 2, 2, "number_of_minutes is 'x', must be .*from the launch$", []),
     ("minutes:=3", 2, 1, "minutes:=3 .*number_of_minutes:=7", []),
@@ -216,6 +233,11 @@ def test_a_checkout_that_was_renamed(machine, ready):
     options = dict(user="root", TUTORIAL_WS=None)
     machine.run(COPY + "/tutorial", "shell", "true", **options)
     machine.run("mv", COPY, "/srv/after", user="root")
+    machine.run("/srv/after/tutorial", "shell", "true", **options)
+    machine.run("cp", "-r", "/srv/after", COPY, user="root")  # a new one in its place
+    assert COPY == machine.run(
+        COPY + "/tutorial", "shell", "realpath $(rospack find actions_tutorial)", **options).stdout.strip()
+    machine.run("rm", "-r", COPY, user="root")
     machine.run("/srv/after/tutorial", "shell", "true", **options)
     # What stands on its old workspace finds the nodes.
     machine.run("bash", "-c", """for setup in ~/.cache/actions_tutorial/*/devel/setup.bash; do
