@@ -7,8 +7,8 @@ import time
 import rospy
 import rostest
 
-from raw_client import ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
-from scenes import ServerCase
+from raw_client import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
+from scenes import ServerCase, check_quiet
 from processes import bowls, check_client, eventually
 
 
@@ -81,6 +81,31 @@ class TestGoal(ServerCase):
         self.assertIn("cancelled", self.scene.check_ending("early", RECALLED, []).status.text)
         self.scene.check_ending(self.scene.send(0), SUCCEEDED, [])
         self.assertNotIn("ignored", self.server.stderr)
+
+    def forget_soon(self):
+        """Begin anew with a server that forgets goals 0.1 s after their end, on the ROS clock."""
+        self.doCleanups()
+        rospy.set_param("/wash_dishes_as/status_list_timeout", 0.1)
+        self.setUp()
+        self.addCleanup(rospy.delete_param, "/wash_dishes_as/status_list_timeout")
+
+    def test_each_ending_is_shown_by_a_status_while_the_clock_leaps(self):
+        self.forget_soon()
+        self.clock.run(10)
+        for _ in range(20):
+            self.scene.check_ending(self.scene.send(0), SUCCEEDED, [])
+            self.scene.check_ending(self.scene.send(-1), ABORTED, [])
+
+    def test_ended_goal_is_forgotten_in_its_time_on_a_clock_set_back(self):
+        self.forget_soon()
+        goal_id, before = self.scene.send(0), self.clock.now
+        self.scene.check_ending(goal_id, SUCCEEDED, [])
+        self.clock.set(before - rospy.Duration(300))
+        self.scene.wait(lambda: self.clock.turn(0.25) or self.scene.status.header.stamp < before, "a status after it")
+        self.clock.turn(0.5, self.scene)
+        self.clock.turn(0.5, self.scene)
+        check_quiet(self.server)
+        self.assertNotIn(goal_id, [one.goal_id.id for one in self.scene.status.status_list], "ended goals")
 
     def test_burst_ends_every_goal_once_and_washes_the_last(self):
         for count in (20, 500):

@@ -69,12 +69,6 @@ class ServerCase(unittest.TestCase):
         self.server = self.scene.server(self.script)
         self.clock.lead(self.scene)
 
-    def set_back(self, seconds):
-        """Set the clock back, and wait until the server has seen it, in steps so small that no bowl is due by them."""
-        before = self.clock.now
-        self.clock.set(before - rospy.Duration(seconds))
-        self.scene.wait(lambda: self.clock.turn(0.01) or self.scene.status.header.stamp < before, "a status after it")
-
     def wash(self, minutes, count):
         """Send a goal, and turn the clock on second by second until it has named count bowls. Returns its id."""
         goal_id = self.scene.send(minutes)
