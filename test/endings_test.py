@@ -385,10 +385,6 @@ class Endings(NodeCase):
         for server in third, again:
             self.assertEqual([], named(server), server)
 
-    def test_second_server_of_an_action_in_a_node_names_that_node(self, scene):
-        scene.start(GUEST, "polite", "polite").expect(r"%s/polite/wash_dishes_as\b.*(%s/guest|(same|this) node)\b" % (
-            scene.namespace, scene.namespace))
-
     def test_what_a_peer_sends_steers_no_terminal(self, scene):
         server = scene.start(GUEST, "polite", "of_texts")
         probe = RawClient(scene.namespace + "/polite").wait_connected(server)

@@ -832,17 +832,13 @@ class Units(unittest.TestCase):
         peers.serve_all_peers()
         self.assertIs(mended, listener.handler._connect_topic, "mended once")
 
-    def test_peer_that_waits_for_another_in_vain_leaves_the_lock_to_that(self):
-        once = iter([lambda: connect("topic", "uri")])
-        connect = peers._OneAtATime(lambda *_: next(once, lambda: None)())
-        with mock.patch.object(peers, "ANSWERS_WITHIN", 0):
-            connect("topic", "uri")
-
-    def test_peer_whose_connection_fails_leaves_the_lock_to_the_next(self):
+    def test_peer_that_fails_leaves_the_lock_to_the_next_or_to_whom_it_has_waited_for_in_vain(self):
         lock = threading.Lock()
-        with self.assertRaises(OSError):
-            peers._in_turn(lock, mock.Mock(side_effect=OSError))
-        self.assertFalse(lock.locked())
+        for is_held in False, True:
+            with mock.patch.object(peers, "ANSWERS_WITHIN", 0), self.assertRaises(OSError):
+                peers._in_turn(lock, mock.Mock(side_effect=OSError))
+            self.assertEqual(is_held, lock.locked())
+            lock.acquire(blocking=False)
 
     def test_port_that_is_none_is_named(self):
         for port in 70000, "11311":
@@ -936,25 +932,22 @@ class Units(unittest.TestCase):
             robust.SimpleActionServer._SimpleActionServer__execute(asked, goal)
         self.assertEqual([], asked.mock_calls)
 
-    def test_first_server_in_the_node_is_named_unless_it_was_stopped_also_where_no_master_answers(self):
-        for started in True, False:
-            asked, first = mock.Mock(_SimpleActionServer__name="/action"), mock.Mock()
-            first.action_server.started, server._servers["/action"] = started, first
-            with mock.patch.dict("os.environ", ROS_MASTER_URI="http://localhost:1"), \
-                    mock.patch.object(rospy, "logwarn") as warned:
-                robust.SimpleActionServer._SimpleActionServer__look_for_twins(asked)
-            self.assertEqual(started, warned.called)
-            self.assertIs(asked, server._servers["/action"])
-
-    def test_twin_that_lives_is_named_though_another_is_listed_that_is_gone_and_none_where_the_master_is_new(self):
+    def test_server_names_another_that_serves_in_this_node_or_in_one_that_lives_also_where_no_master_answers(self):
         asked = mock.Mock(_SimpleActionServer__name="/action")
         asked.action_server.status_pub.resolved_name = "/action/status"
-        for publishers in [["/action/status", ["/one", "/other"]]], []:
-            with mock.patch.object(server, "ask", return_value=(publishers, [], [])), \
+        for serves_here, state, named in (
+                (True, OSError, rospy.get_name()), (False, OSError, ""),
+                (False, ([["/action/status", ["/one", "/other"]]], [], []), "/o"),  # the first that is asked is gone
+                (False, ([], [], []), "")):  # of a new master
+            server._servers["/action"] = first = mock.Mock()
+            first.action_server.started = serves_here
+            with mock.patch.object(server, "ask", side_effect=[state]), \
                     mock.patch.object(server, "ask_node", side_effect=[OSError, 1]), \
                     mock.patch.object(rospy, "logwarn") as warned:
                 robust.SimpleActionServer._SimpleActionServer__look_for_twins(asked)
-            self.assertEqual(bool(publishers), warned.called)
+            self.assertEqual(bool(named), warned.called)
+            self.assertIn(named, str(warned.mock_calls))
+            self.assertIs(asked, server._servers["/action"])
 
     def test_goal_that_waits_while_the_node_ends_is_recalled_and_not_taken_up(self):
         asked = mock.MagicMock(preempt_callback=None)
