@@ -223,23 +223,6 @@ class Endings(NodeCase):
         scene.cancel(newer)
         scene.check_ending(newer, PREEMPTED, bowls(1))
 
-    def test_worker_of_a_goal_that_a_callback_for_preempts_has_ended_stops(self, scene):
-        def work(server):
-            rate = server.rate(20)
-            while rate.sleep():
-                pass
-            stopped.append(True)
-
-        stopped = []
-        Guest(scene.action[:-1], work, in_a_thread, lambda server: server.set_preempted())
-        scene.wait_connected()
-        for count in 1, 2:
-            older, newer = busy(scene), busy(scene)
-            eventually(lambda: len(stopped) == count * 2 - 1, "the end of the first worker", scene, timeout=10)
-            scene.cancel(newer)
-            self.assertEqual([PREEMPTED] * 2, [scene.wait_result(each).status.status for each in (older, newer)])
-            eventually(lambda: len(stopped) == count * 2, "the end of the second worker", scene, timeout=10)
-
     def test_callback_for_goals_that_exits_keeps_no_lock(self, scene):
         begun = threading.Event()
         server = Guest(scene.action[:-1], polite, lambda _: begun.set() or sys.exit())
@@ -258,11 +241,6 @@ class Endings(NodeCase):
             self.assertEqual(ABORTED, scene.wait_result(runs).status.status)
             again = scene.wait_result(scene.send(1)).status
         self.assertEqual((RECALLED, SHUTTING_DOWN), (again.status, again.text))
-
-    def test_newer_goal_is_served_by_a_subclass_that_takes_a_lock_to_say_whether_to_stop(self, scene):
-        scene.server(GUEST, "own_look")
-        busy(scene)
-        scene.serves()
 
     def test_subclass_that_ends_a_goal_where_it_looks_and_takes_one_up_late_is_asked_without_a_lock(self, scene):
         server = scene.server(GUEST, "own_end")

@@ -61,13 +61,6 @@ class OwnNames(Guest):
     _lock = _server = _goal = _log = _end_goal = _end = _name = _state = _thread = None
 
 
-class OwnLook(Guest):
-    """Asks with a lock held, of actionlib's, whether to stop."""
-
-    def is_preempt_requested(self):
-        return not self.is_active() or super().is_preempt_requested()
-
-
 class OwnEnd(Guest):
     """Ends the goal when it finds that it should, and takes one up in its own time, with a look at its status."""
 
@@ -126,13 +119,6 @@ def sleep(server):
     nap(server)
     if server.is_preempt_requested():
         server.set_preempted(RESULT)
-
-
-def steps(server):
-    rate = server.rate(20)
-    while rate.sleep():
-        pass
-    server.set_preempted(RESULT)
 
 
 def loop(_):
@@ -234,7 +220,6 @@ KINDS = {
     "hook_blocks": lambda name: rospy.on_shutdown(block) or Guest(name, polite),
     "own_names": lambda name: OwnNames(name, polite),
     "own_end": lambda name: OwnEnd(name, wait_for_stop),
-    "own_look": lambda name: OwnLook(name, steps, preempt_cb=lambda _: time.sleep(0.3)),
     "lacks_threads": lambda name: Guest(name, lack_threads),
     "with_silent_peers": with_silent_peers,
     "is_stopped": that_is_stopped,
