@@ -447,18 +447,13 @@ sys.exit(7)
         with socket.create_server(("", 0)) as taken:
             port = taken.getsockname()[1]
             for before, arguments, reason in (
-                    ("robust.node._rospy_init_node = lambda *_, **__: [].pop()", "", starts + "pop from empty list"),
-                    ("robust.node._rospy_init_node = lambda *_, **__: {}['a']", "", starts + r"KeyError\('a'\)"),
                     ("", ", log_level=7", starts + r"KeyError\(7\)"),
                     ("", ", argv=['', '_p:=[1']", starts + r"invalid command-line parameters: .*\[1.*"),
                     ("", ", tcpros_port=%d" % port, "tcpros_port is %d: .*in use" % port),
                     ("", ", xmlrpc_port=%d" % port, "xmlrpc_port is %d: .*in use" % port),
                     ("os.environ['ROS_MASTER_URI'] = 'http://localhost:1'\n"
                      "robust.node.get_params = lambda _: send('INT') or ()", "",
-                     "interrupted while waiting for the master http://localhost:1"),
-                    ("os.environ['ROS_MASTER_URI'] = 'localhost'\ntry:\n    robust.init_node('guest')\n"
-                     "except rospy.ROSInitException as error:\n    sys.exit('caught: %s' % error)", "",
-                     r"caught: ROS_MASTER_URI is 'localhost', must be like \S+")):
+                     "interrupted while waiting for the master http://localhost:1")):
                 node = self.says(master, "%s\nrobust.init_node('guest'%s)" % (before, arguments), status=1, head=HEAD)
                 self.assertRegex(node.stderr, "^%s\n$" % reason, node)
 

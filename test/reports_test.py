@@ -6,7 +6,6 @@ ACTIONLIB=plain tries actionlib itself; the page says how each test ends there.
 import itertools
 import os
 import signal
-import socket
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -17,7 +16,6 @@ import rospy
 import rostest
 from actionlib.simple_action_client import SimpleGoalState
 from actionlib_msgs.msg import GoalStatus
-from rospy.impl.tcpros_base import get_tcpros_server_address
 from std_msgs.msg import String
 
 from raw_client import ABORTED, ACTIVE, PENDING, PREEMPTED, PREEMPTING, RECALLED, SUCCEEDED
@@ -99,11 +97,6 @@ class Reports(NodeCase):
         server.signal(signal.SIGCONT)
         self.assertTrue(client.wait_for_result(PATIENCE), server)
         self.assertIsNone(client.get_failure(), server)
-
-    def test_silent_peer_of_a_node_of_rospys_keeps_no_client_from_its_server(self, place):
-        place.meet()
-        with socket.create_connection(("localhost", get_tcpros_server_address()[1])):
-            place.works()
 
     def test_failure_is_told_of_a_server_that_is_none_or_not_heard_of_a_goal_without_an_end_and_of_one_not_sent(
             self, place):
