@@ -13,9 +13,6 @@ from processes import Master, check_client
 @concurrently(Master)
 class MasterFaults(unittest.TestCase):
 
-    def freeze(self, master):
-        master.process.signal(signal.SIGSTOP)
-
     def waits(self, master, fault, mend):
         """Nodes say every 5 s that they wait for the master, and go on when it comes; the time-out is for it alone."""
         fault()
@@ -42,7 +39,8 @@ class MasterFaults(unittest.TestCase):
         self.waits(master, master.kill, master.run)
 
     def test_frozen_master_is_said_every_5_s_and_its_return_is_noticed_unless_server_timeout_is_over(self, master):
-        self.waits(master, lambda: self.freeze(master), lambda: master.process.signal(signal.SIGCONT))
+        self.waits(master, lambda: master.process.signal(signal.SIGSTOP),
+                   lambda: master.process.signal(signal.SIGCONT))
 
     def test_goal_goes_on_without_the_master_and_new_nodes_work_with_the_next(self, master):
         server = master.node("action_server.py")
@@ -59,7 +57,7 @@ class MasterFaults(unittest.TestCase):
         self.interrupt(master, master.kill)
 
     def test_ctrl_c_while_the_master_is_frozen(self, master):
-        self.interrupt(master, lambda: self.freeze(master))
+        self.interrupt(master, lambda: master.process.signal(signal.SIGSTOP))
 
     def interrupt(self, master, fault):
         """Clients and server end as ever without the master."""
