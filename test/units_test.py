@@ -336,12 +336,9 @@ class Units(unittest.TestCase):
 
     def test_line_on_a_goal_is_shown_at_once_as_the_library_would_and_logged_later(self):
         said, (ours, theirs) = self.logged(), (io.StringIO(), io.StringIO())
-        for environment in {"ROSCONSOLE_FORMAT": "mine"}, {}:
-            terminal = RosStreamHandler(stdout=ours)
-            with mock.patch.dict("os.environ", environment), mock.patch.multiple(log, _taken=[], _plain=[]):
-                log.hold_nobody_up([terminal])
-                self.assertEqual([] if environment else [terminal], log._plain)
-        with mock.patch.multiple(log, _taken=[terminal], _plain=[terminal]):
+        terminal = RosStreamHandler(stdout=ours)
+        with mock.patch.object(log, "_taken", []):
+            log.hold_nobody_up([terminal])
             for line in "a bowl", "a cup":
                 log.soon(functools.partial(str, line))
             for _ in range(2):
@@ -353,7 +350,7 @@ class Units(unittest.TestCase):
             log.catch_up()
             eventually(lambda: said and not log._terminal, "the long line")
             for number, other in enumerate((
-                    mock.patch.object(log, "_plain", []), mock.patch.object(terminal, "level", 30),
+                    mock.patch.dict("os.environ", ROSCONSOLE_FORMAT="mine"), mock.patch.object(terminal, "level", 30),
                     mock.patch.object(rospy.rostime, "is_wallclock", return_value=False),
                     mock.patch.object(log, "_takes_a_line", lambda stream: stream is not ours),
                     mock.patch.object(log, "_terminal", mock.Mock(call=lambda write: write())))):
@@ -433,9 +430,10 @@ class Units(unittest.TestCase):
             self.assertEqual((300000, 300000), (len(pipe.read(300000)), written.result()))
         handler, sizes = mock.Mock(), []
         with mock.patch.object(log, "_write_at_once", lambda stream, size, write: sizes.append(size < log.AT_ONCE)):
-            for change in {}, {"msg": "\u4e8c" * 1000}, {"exc_info": (OSError, OSError(), None)}, {"stack_info": "here"}:
+            for name, value in ("msg", "a bowl"), ("msg", "\u4e8c" * 1000), ("exc_info", (OSError, OSError(), None)), \
+                    ("stack_info", "here"):
                 line = record("a bowl")
-                vars(line).update(change)
+                setattr(line, name, value)
                 log._write_to_terminal(handler, print, line)
         self.assertEqual([True, False, False, False], sizes)
 

@@ -48,7 +48,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     It needs no init_node of ours. Names of its own begin with two underscores, so that a subclass may have any other.
     """
 
-    __is_set_up, __why_not_sent = False, ""
+    __is_set_up = __is_watched = __shutting_down = False
+    __why_not_sent = __server = ""  # the latter: the name of the last one that was silent
 
     def __init__(self, ns: str, ActionSpec: type, *, heartbeat_timeout: float = 5.0) -> None:
         """Arguments as for actionlib.SimpleActionClient.
@@ -58,8 +59,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             actionlib_status_frequency says otherwise. Only time that passes on both clocks counts, ROS's and the real.
         Raises ValueError for a heartbeat_timeout that is not above 0, rospy.ROSInitException for what prevents a start.
         """
-        if isinstance(heartbeat_timeout, bool) or not isinstance(heartbeat_timeout, (int, float)) or \
-                not heartbeat_timeout > 0:
+        if heartbeat_timeout is True or not isinstance(heartbeat_timeout, (int, float)) or not heartbeat_timeout > 0:
             raise ValueError("heartbeat_timeout is %r, must be a number above 0" % (heartbeat_timeout,))
         try:
             get_params({"actionlib_client_pub_queue_size": (10, None, None),
@@ -84,9 +84,6 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         self.__heartbeat_timeout = heartbeat_timeout
         self.__is_connected = node.asking(self.__ask_server)
         self.__registered = time.monotonic()
-        self.__is_watched = False
-        self.__server = ""  # the name of the last one that was silent
-        self.__shutting_down = False
         # Without it, two clients of one name give the same id while simulated time stands still: the server ignores the
         # second goal, and its client waits for ever (actionlib/action_client.py, _generate_id).
         generate_id = self.action_client.manager._generate_id
@@ -114,8 +111,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         return connected
 
     def __ask_server(self) -> bool:
-        """Returns whether messages go both ways. Without it, what is sent while a connection is being made is lost: the
-        library looks at its own ends only."""
+        """Returns whether messages go both ways. The library looks at its own ends: what is sent too early is lost."""
         client = self.action_client
         status = client.last_status_msg
         if not status:
@@ -163,7 +159,6 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                 machine.begin(self.action_client.result_sub.resolved_name)
                 self.gh.cancel = machine.cancel
             except Exception as error:  # SerializationError of its fields, AttributeError of a message of another kind
-                # Without it, what is written of it stays in rospy's buffer, and spoils the next goal.
                 clear(self.action_client.pub_goal)
                 self.stop_tracking_goal()
                 self.__why_not_sent = "the goal cannot be sent: %s" % error
@@ -207,26 +202,22 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         if not goal:
             return super().wait_for_result(_duration(timeout))  # which logs an error
         with self.done_condition:
-            while not goal.is_over and not rospy.is_shutdown():
+            while goal and not goal.is_over and not rospy.is_shutdown():
                 now = rospy.get_time()
                 begun = begun or now  # 0 as long as a simulated clock has not begun
                 if seconds and now - begun >= seconds:
                     break
                 self.done_condition.wait(min(0.1, begun + seconds - now) if seconds else 0.1)
-                if goal.simple_state != SimpleGoalState.DONE and self.__goal() is not goal:
-                    goal = self.__goal()  # another thread has sent it
-                    if not goal:
-                        return False
-        return goal.is_over and goal.latest_goal_status.status != GoalStatus.LOST
+                if goal.simple_state != SimpleGoalState.DONE:
+                    goal = self.__goal()  # another thread may have sent the next one, or forgotten it
+        return bool(goal and goal.is_over and goal.latest_goal_status.status != GoalStatus.LOST)
 
     def get_state(self) -> int:
-        """Returns the goal's state (actionlib_msgs/GoalStatus): PENDING or ACTIVE until its ending and its result are
-        there; LOST without a goal."""
+        """Returns the goal's state (GoalStatus): PENDING or ACTIVE until its ending and result came; LOST if none."""
         goal = self.__goal()
         if not goal:
             return super().get_state()
-        # Without it, the state is SUCCEEDED with the status, and get_result() None still. The simple states have the
-        # same numbers.
+        # Without it, it is SUCCEEDED with the status, before the result is there. Simple states have the same numbers.
         return goal.simple_state if goal.simple_state != SimpleGoalState.DONE else goal.latest_goal_status.status
 
     def get_goal_status_text(self) -> str:
@@ -292,7 +283,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     def __watch(self) -> None:
         """Look after the goal until it has ended. Without it, a client whose server is gone waits for ever, and a goal
         that rospy dropped is lost (rospy/topics.py, add_connection: when a peer connects twice)."""
-        now = rospy.get_time()
+        now, patience = rospy.get_time(), self.__heartbeat_timeout
         while True:
             time.sleep(LOOKS)
             before, now = now, rospy.get_time()
@@ -309,17 +300,15 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                     speaks_of_others or real - goal.begun_at < REPEATED_FOR):
                 goal.send_again()
             held_up = goal.topic in _running and not speaks_of_others  # no status comes before that callback's end
-            if goal.silence > self.__heartbeat_timeout and (
-                    goal.ignored > self.__heartbeat_timeout or
-                    goal.silence > LIVING * self.__heartbeat_timeout and not held_up or
+            if goal.silence > patience and (
+                    goal.ignored > patience or goal.silence > LIVING * patience and not held_up or
                     not speaks_of_others and not self.__server_lives()):
                 self.action_client.last_status_msg = None  # who waits for a server now waits for one that speaks
                 with self.action_client.manager.list_mutex:
                     if self.__goal() is not goal:
                         continue  # another thread has sent the next one
                     self.__is_watched = False  # done_cb, which is called here, may do so and wait for it
-                goal.lose("server lost: silent for %.1f s (heartbeat_timeout is %g s)" % (
-                    goal.silence, self.__heartbeat_timeout))
+                goal.lose("server lost: silent for %.1f s (heartbeat_timeout is %g s)" % (goal.silence, patience))
                 return
 
     def __server_lives(self) -> bool:
@@ -332,10 +321,9 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         topic = self.action_client.status_sub.impl  # None if the client was stopped
         uri = next((one.endpoint_id for one in topic and topic.connections or ()
                     if one.callerid_pub == self.__server), None)
-        try:
+        with contextlib.suppress(*NO_ANSWER):
             return bool(self.__server and (ask(uri, "getPid") if uri else ask_node(self.__server, "getPid")))
-        except NO_ANSWER:
-            return False
+        return False
 
     def __end_goal(self, deadline: float) -> None:
         """Without it, the server works on for nobody."""
@@ -421,16 +409,14 @@ class _Goal(CommStateMachine):
                     super().update_result(action_result)
 
     def update_feedback(self, action_feedback: Any) -> None:
-        """Without it, the last feedback is dropped if the one before takes its callback longer than the result takes
-        to come. A goal that is LOST has none."""
+        """Without it, the last feedback is dropped if its callback is slow. A goal that is LOST has none."""
         if self.action_goal.goal_id.id == action_feedback.status.goal_id.id and not (
                 self.state == CommState.DONE and self.latest_goal_status.status == GoalStatus.LOST):
             self.mentioned = True  # a server that works in its goal callback sends no status meanwhile
             self.feedback_cb(actionlib.ClientGoalHandle(self), action_feedback.feedback)
 
     def call(self, callback: Optional[Callable], *args: Any) -> None:
-        """Call a callback of the user's. Without it, one that raises takes along what the library has to do after
-        it."""
+        """Call a callback of the user's. Without it, one that raises takes along what the library does after it."""
         _running.append(self.topic)
         try:
             if callback:

@@ -13,8 +13,7 @@ from actionlib_msgs.msg import GoalStatus
 
 TESTED = {"rospy": "1.15.9 to 1.17.4", "actionlib": "1.13.2 to 1.14.3"}
 # Of a master or a node that is asked; the last two of an answer that has no third part:
-NO_ANSWER = (OSError, http.client.HTTPException, xmlrpc.client.Error, xml.parsers.expat.ExpatError, IndexError,
-             TypeError)
+NO_ANSWER = OSError, http.client.HTTPException, xmlrpc.client.Error, xml.parsers.expat.ExpatError, IndexError, TypeError
 
 
 class CannotStart(rospy.ROSInitException, SystemExit):
@@ -63,8 +62,7 @@ def name_of(state):
 
 
 def impatient_proxy(uri, timeout=0.5):
-    """Returns an xmlrpc.client.ServerProxy whose calls raise one of NO_ANSWER after timeout (real s): rospy's own wait
-    for ever, or for 60 s."""
+    """Returns a ServerProxy whose calls raise one of NO_ANSWER after timeout (real s): rospy's wait for ever."""
     return xmlrpc.client.ServerProxy(uri, transport=_Impatient(timeout))
 
 
@@ -81,8 +79,7 @@ def ask_node(name, call, timeout=0.5):
 
 
 def clear(publisher):
-    """Without it, what is written of a message that cannot be sent stays in rospy's buffer and goes out with the next
-    one (rospy/topics.py, publish)."""
+    """Without it, the beginning of a message that cannot be sent goes out with the next (rospy/topics.py, publish)."""
     if publisher.impl:
         publisher.impl.buff.seek(0)
         publisher.impl.buff.truncate(0)

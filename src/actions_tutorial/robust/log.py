@@ -28,10 +28,7 @@ WAITING = 1000  # lines that may wait for one of the two threads; further ones a
 AT_ONCE = 1500  # bytes; a pipe that takes anything takes 4096 without waiting, and ASCII makes 10 of 4
 READ_WITHIN = 0.05  # s that a terminal may keep whoever logs, once
 
-_ROSPY = os.path.join("rospy", "impl", "")
-
 _taken: list = []  # the handlers, as long as nobody has to wait for them
-_plain: list = []  # those of them that write a line as rospy does by default: the terminal's
 _soon: collections.deque = collections.deque(maxlen=WAITING)  # lines on goals: functions that return them
 
 
@@ -61,11 +58,10 @@ def catch_up():
 def show():
     """Write the lines of soon() to the terminal, now, in the form that rospy's handler has by default. /rosout and the
     file get them at the next catch_up(). Without it, a first feedback waits 0.3 ms for rospy's own way to a line."""
-    if not _soon:
-        return
-    terminal = _plain and _plain[0]
-    if not terminal or not rospy.rostime.is_wallclock() or not logging.getLogger("rosout").isEnabledFor(logging.INFO) \
-            or logging.INFO < terminal.level or _terminal or not _takes_a_line(terminal._stdout):
+    terminal = next((one for one in _taken if isinstance(one, RosStreamHandler)), None)
+    if not _soon or not terminal or "ROSCONSOLE_FORMAT" in os.environ or not rospy.rostime.is_wallclock() or \
+            not logging.getLogger("rosout").isEnabledFor(logging.INFO) or logging.INFO < terminal.level or \
+            _terminal or not _takes_a_line(terminal._stdout):
         return catch_up()
     for line in _taken_off():
         text = line()
@@ -89,8 +85,6 @@ def hold_nobody_up(handlers):
             need("rospy", handler, "_stdout", "_stderr")
             handler.stdout_before, handler._stdout = handler._stdout, _own(handler._stdout)
             emit = functools.partial(_write_to_terminal, handler, write)
-            if "ROSCONSOLE_FORMAT" not in os.environ:
-                _plain.append(handler)
         else:
             emit = functools.partial(_write_later, write)
         handler.emit = functools.partial(_write, handler, emit)
@@ -111,7 +105,6 @@ def go_on():
 def give_back():
     """In a child process, which has no threads of ours."""
     go_on()
-    _plain.clear()
     while _taken:
         handler = _taken.pop()
         del handler.emit, handler.handleError
@@ -140,8 +133,7 @@ def ask_the_master_once():
 class _Caller(collections.deque):
     """The calls that wait for a thread, started with the first one, which makes them pause (s) after they came.
 
-    Only that thread waits for a lock: with a queue.Queue, a signal handler that logs in the midst of a line of log
-    waits for that for ever.
+    Only that thread waits for a lock: with a queue.Queue, a signal handler that logs waits for what it interrupted.
     """
 
     def __init__(self, pause):
@@ -177,11 +169,10 @@ class _Shown(str):
 def _taken_off():
     """Returns the lines of soon(), which are the caller's from now on."""
     lines = []
-    try:
+    with contextlib.suppress(IndexError):
         while True:
             lines.append(_soon.popleft())
-    except IndexError:
-        return lines
+    return lines
 
 
 _terminal, _others = _Caller(0), _Caller(LATER)
@@ -192,7 +183,7 @@ def _write_to_terminal(handler, write, record):
     if any(isinstance(one, _Shown) for one in record.args or ()):  # which may be a dict
         return
     record = _with_text(record)
-    if _ROSPY in record.pathname:  # its warnings quote what a peer has sent
+    if "rospy/impl/" in record.pathname:  # its warnings quote what a peer has sent
         record.msg = printable(record.msg)
     stream = handler._stdout if record.levelno < logging.WARNING else handler._stderr
     size = AT_ONCE if record.exc_info or record.stack_info else len(record.msg.encode("utf-8", "replace"))
@@ -227,12 +218,11 @@ def _with_text(record):
 
 
 def _takes_a_line(stream):
-    try:
+    with contextlib.suppress(AttributeError, OSError, ValueError):  # no file of the system's
         poll = select.poll()
         poll.register(stream.fileno(), select.POLLOUT)
-    except (AttributeError, OSError, ValueError):
-        return True  # no file of the system's
-    return bool(poll.poll(0))
+        return bool(poll.poll(0))
+    return True
 
 
 def _write(handler, emit, record):

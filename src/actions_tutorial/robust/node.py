@@ -100,20 +100,16 @@ def _check(name, arguments, usage, parameters):
         if argument.count(":=") > 1:
             raise cannot_start("the argument is %r, must be NAME:=VALUE" % argument)
     uri = rosgraph.get_master_uri()
-    try:
+    with contextlib.suppress(ValueError):  # of the port
         parts = urllib.parse.urlsplit(uri)
-        right = parts.scheme == "http" and parts.hostname and parts.port
-    except ValueError:  # of the port
-        right = False
-    if not right:
-        raise cannot_start("ROS_MASTER_URI is %r, must be like http://localhost:11311" % uri)
-    return values, uri
+        if parts.scheme == "http" and parts.hostname and parts.port:
+            return values, uri
+    raise cannot_start("ROS_MASTER_URI is %r, must be like http://localhost:11311" % uri)
 
 
 def asking(question):
     """Returns is_there() for wait_for(): whether the answer to question() (bool) is yes. It is asked in a thread, one
-    at a time, for an answer may take for ever; one that comes late counts at the next call within a second. What it
-    raises, is_there() raises."""
+    at a time, for it may take for ever; a late answer counts for a second. What it raises, is_there() raises."""
     thread, answer, answered, error = None, False, 0.0, None
 
     def ask():

@@ -54,8 +54,7 @@ def get_param(param_name: str, default: Any = _UNSPECIFIED, *, lowest: Optional[
 
 def get_params(table):
     """Returns the values (tuple) of the parameters in table, {name: (default, lowest, highest)}. Raises ValueError."""
-    return tuple(get_param(name, default, lowest=lowest, highest=highest)
-                 for name, (default, lowest, highest) in table.items())
+    return tuple(get_param(name, default, lowest=low, highest=high) for name, (default, low, high) in table.items())
 
 
 def check_arguments(arguments, known):
@@ -79,8 +78,7 @@ def _from_command_line(param_name):
     for argument in sys.argv[1:]:
         name, _, text = argument.partition(":=")
         if param_name == "~" + name[1:] and name[:1] == "_":
-            try:
+            given[param_name] = text
+            with contextlib.suppress(yaml.YAMLError, ValueError):  # of 2024-13-45, too: judge it as text
                 given[param_name] = yaml.safe_load(text)
-            except (yaml.YAMLError, ValueError):  # of 2024-13-45, too: judge it as text
-                given[param_name] = text
     return given

@@ -56,8 +56,7 @@ def _end_when_closed(server):
 
 
 def _run(server):
-    """In place of rospy's TCPServer.run, which ends in a traceback when the node's files have run out, and when the
-    node has ended before it began."""
+    """In place of rospy's TCPServer.run: a traceback if files ran out or if the node ended before it began."""
     while server.server_sock.fileno() >= 0:
         with contextlib.suppress(OSError):
             return _rospy_run(server)
@@ -138,8 +137,7 @@ class _OneAtATime:
 
 
 def _in_turn(lock, function, *args):
-    """Returns function(*args), called with the lock, or after a while without: whoever has it hangs, at a peer that is
-    gone."""
+    """Returns function(*args), called with the lock, or after a while without: who has it hangs, at a lost peer."""
     mine = lock.acquire(timeout=ANSWERS_WITHIN)
     try:
         return function(*args)

@@ -46,12 +46,10 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def __init__(self, name: str, ActionSpec: type, execute_cb: Optional[Callable[[Any], Any]] = None,
                  auto_start: bool = True) -> None:
         """Arguments as for actionlib.SimpleActionServer. Raises rospy.ROSInitException, as start() does."""
-        need("actionlib", actionlib.SimpleActionServer, "internal_goal_callback", "internal_preempt_callback",
-             "__del__")
+        need("actionlib", actionlib.SimpleActionServer, "internal_goal_callback", "internal_preempt_callback")
         super().__init__(name, ActionSpec, auto_start=False)
         need("actionlib", self, "lock", "execute_callback", "execute_thread", "execute_condition", "action_server",
              "current_goal", "next_goal", "new_goal", "preempt_request", "preempt_callback", "need_to_terminate")
-        self.current_goal: actionlib.ServerGoalHandle
         self.__shutting_down = False
         self.__taken_over = 0  # goals in whose midst a newer one was accepted
         self.__taken_by: Optional[int] = None  # the thread that did it last
@@ -90,7 +88,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def __stopped(self):
         """Without it, the goal that waited is taken up after its end, and the one that runs goes on for ever."""
         with self.lock:
-            self.new_goal, self.preempt_request = False, True  # of the latter, the next goal makes an end
+            self.new_goal, self.next_goal = False, self.current_goal
+            self.preempt_request = True  # until the next goal
         rate.wake()
 
     def rate(self, hz: float) -> rate.Rate:
@@ -157,12 +156,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             return
         with self.lock:
             if not self.is_active():
-                # Without it, a goal is refused for a stamp older than that of one that has ended: after one stamp from
-                # the future nobody is served any more.
-                ended = self.current_goal
-                self.current_goal = _Ended(ended.status_tracker, ended.action_server, ended.handle_tracker)
-                if not self.new_goal:
-                    self.next_goal = self.current_goal
+                # Without it, nobody is served any more after one stamp from the future: theirs are older.
+                self.current_goal.__class__ = _Ended  # next_goal, too, is this object if none waits
         try:
             super().internal_goal_callback(goal)
         except BaseException:  # actionlib keeps its lock after sys.exit and after an error without words
@@ -218,8 +213,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 set_state(result, _sendable(text))
             status = self.current_goal.get_goal_status()
         if was_active:
-            self.__log(lambda: "%s: goal %s: %s" % (
-                self.__name, name_of(status.status), log.printable(status.text)))
+            self.__log(lambda: "%s: goal %s: %s" % (self.__name, name_of(status.status), log.printable(status.text)))
 
     def __log(self, line):
         """A line that execute_cb's thread wrote in the midst of a goal would hold up what it tells of: so, later."""
@@ -279,8 +273,7 @@ class _Ended(actionlib.ServerGoalHandle):
 class _ActionServer(actionlib.ActionServer):
     """Sends what a client waits for before the status of it, and forgets no goal before a status has shown its end."""
 
-    # 0 for initialize(), which then starts no rospy.Timer: that dies when the clock is set back (rospy/timer.py, before
-    # 1.17), and the clients' heartbeat with it.
+    # 0 for initialize(), which then starts no rospy.Timer: that dies if the clock is set back (rospy before 1.17).
     status_frequency = property(lambda self: self._frequency if self.status_timer else 0.0,
                                 lambda self, value: setattr(self, "_frequency", value))
 
@@ -344,8 +337,7 @@ class _ActionServer(actionlib.ActionServer):
 
     @contextlib.contextmanager
     def status_later(self, later=True):
-        """Within it, a status waits for the next one, if later (bool). Without it, it goes out to each client before
-        the result that one of them waits for."""
+        """Within it, a status waits for the next one, if later (bool): else all get it before one gets the result."""
         with self.lock:
             before, self._later = self._later, later or self._later
             try:
@@ -381,8 +373,8 @@ class _ActionServer(actionlib.ActionServer):
             self._look_at_the_clock()
             if not self.started:  # its topics are still open
                 late = GoalStatus(goal.goal_id, GoalStatus.RECALLED, SHUTTING_DOWN)
-                self._tell(late)
-                return self._show([late])
+                self._send(self.result_pub, self.ActionResult(status=late, result=self.ActionResultType()))
+                return self._send(self.status_pub, GoalStatusArray(status_list=[late]))
             super().internal_goal_callback(goal)
             is_ignored = not any(tracker.goal is goal for tracker in reversed(self.status_list)) and any(
                 tracker.goal and tracker.status.goal_id.id == goal.goal_id.id for tracker in self.status_list)
@@ -420,24 +412,17 @@ class _ActionServer(actionlib.ActionServer):
                 status = tracker.status
                 status.text = SHUTTING_DOWN
                 status.status = GoalStatus.RECALLED if status.status in _RECALLABLE else GoalStatus.ABORTED
-                self._tell(status)
+                self._send(self.result_pub, self.ActionResult(status=status, result=self.ActionResultType()))
                 self._unshown.append(tracker)  # so that a server that is started again forgets it
-            self._show([tracker.status for tracker in list(self.status_list)])
+            self._send(self.status_pub, GoalStatusArray(status_list=[one.status for one in list(self.status_list)]))
         finally:
             if mine:
                 self.lock.release()
 
-    def _tell(self, status):
-        result = self.ActionResult(status=status, result=self.ActionResultType())
-        result.header.stamp = rospy.Time.now()
+    def _send(self, publisher, message):
+        message.header.stamp = rospy.Time.now()
         with contextlib.suppress(rospy.ROSException):  # the topics are closed
-            self.result_pub.publish(result)
-
-    def _show(self, statuses):
-        last = GoalStatusArray(status_list=statuses)
-        last.header.stamp = rospy.Time.now()
-        with contextlib.suppress(rospy.ROSException):
-            self.status_pub.publish(last)
+            publisher.publish(message)
 
     def _look_at_the_clock(self):
         """Without it, a clock that is set back makes the server refuse all goals until it is later than it was: after a

@@ -82,9 +82,8 @@ def _end_all_goals():
 class Closer(threading.Thread):
     """Ends the node when a signal comes and when the program ends.
 
-    Without it, rospy's signal handler calls the master from the main thread, which may be in the middle of such a call
-    and then waits for itself for ever; a main thread that is looking up a host name does not even hear the signal; and
-    SIGHUP, a closed terminal, kills the node.
+    Without it, rospy's signal handler calls the master from the main thread, which may be in such a call and then waits
+    for itself for ever; one that looks up a host name does not hear the signal; and SIGHUP kills the node.
     """
 
     def __init__(self):
@@ -105,7 +104,8 @@ class Closer(threading.Thread):
                 self._before[number] = signal.signal(number, self._heed)
         # Python writes the signal's number there at once, even while the main thread does not get round to _heed().
         self._fd_before = signal.set_wakeup_fd(self._mouth.fileno(), warn_on_full_buffer=False)
-        self._file_before = _file(self._fd_before)
+        with contextlib.suppress(OSError):  # there was none
+            self._file_before = os.fstat(self._fd_before)
 
     def begin(self):
         """Before rospy.init_node, so that the goals' endings do not wait for the program's hooks."""
@@ -126,7 +126,6 @@ class Closer(threading.Thread):
         """The node cannot start: leave the process as it was."""
         self._give_back()
         unfinished.discard(self)
-        atexit.unregister(self._main_has_ended)
         rospy.core.signal_shutdown = rospy.signal_shutdown
         self._mouth.close()
         if not self.ident:  # else the thread hears of it, and ends
@@ -150,8 +149,8 @@ class Closer(threading.Thread):
                 return
             if struct.unpack("i", sender[:4])[0] != os.getpid():
                 continue  # a child that got a signal before its exec: subprocess, before Python 3.10
-            if self._file_before and _file(self._fd_before) == self._file_before:
-                with contextlib.suppress(OSError):  # whoever was there before hears of all signals
+            with contextlib.suppress(OSError):  # whoever was there before hears of all signals
+                if self._file_before and os.path.samestat(os.fstat(self._fd_before), self._file_before):
                     os.write(self._fd_before, bytes(number for number in told if number < _END))
             in_time = _END_IN_TIME in told or any(number in self._before and signal.getsignal(number) == self._heed
                                                   for number in told)
@@ -192,8 +191,7 @@ class Closer(threading.Thread):
     def _begin(self):
         """On shutdown, whoever asked for it."""
         self._begun = time.monotonic()
-        # Without it, a call that the master has not answered yet, or never will, holds up all that comes after it
-        # (rospy/core.py, _LockedServerProxy).
+        # Without it, a call that the master never answers holds up all that follow (rospy/core.py, _LockedServerProxy).
         uri = rosgraph.get_master_uri()
         rospy.core._xmlrpc_cache[uri] = impatient_proxy(uri)
         _end_all_goals()
@@ -226,21 +224,16 @@ class Closer(threading.Thread):
             if signal.getsignal(number) == self._heed:  # nobody else has come since
                 signal.signal(number, signal.SIG_DFL if before is None else before)
         if self._fd_before is not None:
+            signal.set_wakeup_fd(-1)
             with contextlib.suppress(OSError, ValueError):  # closed since, or the number is another file's
-                signal.set_wakeup_fd(self._fd_before if _file(self._fd_before) == self._file_before else -1)
+                if self._file_before and os.path.samestat(os.fstat(self._fd_before), self._file_before):
+                    signal.set_wakeup_fd(self._fd_before)
         self._before, self._fd_before, self._file_before = {}, None, None
+        atexit.unregister(self._main_has_ended)
 
     def _forget(self):
         """In a child process: its signals and its end are not the node's."""
         self._give_back()
-        atexit.unregister(self._main_has_ended)
         atexit.unregister(rospy.core._ros_atexit)  # it would take the parent's topics off the master
         log.give_back()
         stdout.give_back()
-
-
-def _file(number):
-    """Returns what tells the file of a descriptor (int) from others, or None."""
-    with contextlib.suppress(OSError):
-        found = os.fstat(number)
-        return found.st_dev, found.st_ino
