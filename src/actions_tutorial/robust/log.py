@@ -26,7 +26,7 @@ from .internals import need
 LATER = 0.005  # s that a line for /rosout and the file waits, while what it tells of goes out
 WAITING = 1000  # lines that may wait for one of the two threads; further ones are lost
 AT_ONCE = 1500  # bytes; a pipe that takes anything takes 4096 without waiting, and ASCII makes 10 of 4
-READ_WITHIN = 0.05  # s that a terminal may keep whoever logs, once
+READ_WITHIN = 0.2  # s that a terminal may keep whoever logs, once
 
 _taken: list = []  # the handlers, as long as nobody has to wait for them
 _soon: collections.deque = collections.deque(maxlen=WAITING)  # lines on goals: functions that return them
