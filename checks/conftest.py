@@ -147,8 +147,10 @@ class Machine(Group):
     def offline(self):
         """With no network but its loopback."""
         self.network = ["unshare", "--net", "sh", "-c", 'ip link set lo up && exec "$@"', "-"]
-        yield
-        self.network = []
+        try:
+            yield
+        finally:
+            self.network = []
 
     @contextlib.contextmanager
     def changed(self, file, right=None, wrong=""):

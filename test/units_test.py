@@ -377,7 +377,15 @@ class Units(unittest.TestCase):
                 log._write_to_terminal(handler, write, line)
                 self.assertEqual(calls, (write.call_count, later.call.call_count))
         for error in AttributeError, OSError, ValueError:
-            self.assertTrue(log._takes_a_line(mock.Mock(fileno=mock.Mock(side_effect=error))))
+            other = mock.Mock(fileno=mock.Mock(side_effect=error))
+            self.assertEqual((True, None), (log._takes_a_line(other), log._is_terminal(other)))
+
+    def test_line_for_a_terminal_is_written_here_where_no_thread_can_be_had(self):
+        with mock.patch.object(log, "_terminal", log._Caller(0)) as caller, mock.patch.object(log, "_is_terminal"), \
+                mock.patch.object(threading.Thread, "start", side_effect=RuntimeError):
+            write = mock.Mock()
+            log._write_at_once(io.StringIO(), 1, write)
+        self.assertEqual((1, 0), (write.call_count, len(caller)))
 
     def test_complaint_of_the_log_names_what_it_cannot_log_to_and_where_nobody_can_be_told_is_no_error(self):
         for stderr in None, mock.Mock(write=mock.Mock(side_effect=OSError)):
@@ -430,8 +438,8 @@ class Units(unittest.TestCase):
             self.assertEqual((300000, 300000), (len(pipe.read(300000)), written.result()))
         handler, sizes = mock.Mock(), []
         with mock.patch.object(log, "_write_at_once", lambda stream, size, write: sizes.append(size < log.AT_ONCE)):
-            for name, value in ("msg", "a bowl"), ("msg", "\u4e8c" * 1000), ("exc_info", (OSError, OSError(), None)), \
-                    ("stack_info", "here"):
+            for name, value in ("msg", "a bowl"), ("msg", "\u4e8c" * 1000), ("stack_info", "here\n" * 400), \
+                    ("exc_info", (OSError, OSError("x" * 1600), None)):
                 line = record("a bowl")
                 setattr(line, name, value)
                 log._write_to_terminal(handler, print, line)
@@ -490,13 +498,25 @@ class Units(unittest.TestCase):
             told.assert_not_called()
         self.assertEqual(["first", "second", "third"], said)
 
-    def test_hooks_at_the_end_of_a_program_run_in_its_main_thread(self):  # Python 3.12 starts no other then
-        with closer() as one, mock.patch.object(rospy, "signal_shutdown", side_effect=lambda reason: ends.append(
-                (reason, threading.current_thread()))):
-            ends = []
-            one._closed.set()
-            one._finish()
-        self.assertEqual([("atexit", threading.main_thread())], ends)
+    def test_hooks_at_the_end_of_a_program_may_exit_and_a_handler_that_interrupts_them_waits_for_nothing(self):
+        def run_hooks(_):
+            ran_in.append(threading.current_thread())
+            one._begin()
+            if ran_in[-1] is threading.main_thread():
+                os.kill(os.getpid(), signal.SIGTERM)
+            sys.exit()
+
+        ran_in, handled = [], mock.Mock()
+        self.addCleanup(signal.signal, signal.SIGTERM, signal.signal(signal.SIGTERM, handled))
+        refused = mock.patch.object(threading.Thread, "start", side_effect=RuntimeError)  # as Python 3.12 does then
+        for no_thread in contextlib.nullcontext(), refused:
+            with closer() as one, no_thread, mock.patch.object(rospy, "signal_shutdown", run_hooks), \
+                    mock.patch.object(shutdown, "_end_all_goals"), mock.patch.dict(rospy.core._xmlrpc_cache):
+                begun = time.monotonic()
+                one._finish()
+                self.assertLess(time.monotonic() - begun, shutdown.CLOSED_WITHIN, "s")
+        handled.assert_called_once()
+        self.assertEqual([False, True], [each is threading.main_thread() for each in ran_in])
 
     def test_line_on_a_goal_that_another_thread_has_just_taken_is_no_error(self):
         with mock.patch.object(log, "_soon", mock.MagicMock(popleft=mock.Mock(side_effect=IndexError))):
@@ -971,9 +991,12 @@ class Units(unittest.TestCase):
         with mock.patch.object(rate, "Rate", lambda hz, stop_requested: stop_requested):
             stop_requested = robust.SimpleActionServer.rate(asked, 1)
         before = stop_requested()
-        asked.is_preempt_requested, asked.is_active = lambda: True, lambda: goal_runs
-        for goal_runs, stops in (False, True), (True, True), (False, False):  # a preempt callback may have ended it
+        asked.is_preempt_requested = lambda: True
+        status = asked.current_goal.status_tracker.status
+        for status.status, stops in (GoalStatus.PREEMPTED, True), (GoalStatus.PREEMPTING, True), \
+                (GoalStatus.PREEMPTED, False):  # a preempt callback may have ended it before
             self.assertEqual(stops, stop_requested(), "whoever has heard and ended its goal sleeps on")
+        asked.is_active.assert_not_called()  # which waits for a callback that may wait for the worker
         asked.is_preempt_requested, asked._SimpleActionServer__taken_over = lambda: False, 5
         self.assertFalse(stop_requested(), "by a goal that came since the last stop")
         asked._SimpleActionServer__taken_over = 1

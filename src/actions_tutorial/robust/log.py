@@ -65,9 +65,10 @@ def show():
         return catch_up()
     for line in _taken_off():
         text = line()
-        if not isinstance(text, _Shown) and len(text) < AT_ONCE:
+        size = len(text.encode("utf-8", "replace"))
+        if not isinstance(text, _Shown) and size < AT_ONCE:
             text = _Shown(text)
-            _write_at_once(terminal._stdout, len(text), functools.partial(
+            _write_at_once(terminal._stdout, size, functools.partial(
                 _write, terminal, terminal._stdout.write, "[INFO] [%f]: %s\n" % (time.time(), text)))
         _soon.append(lambda text=text: text)
 
@@ -142,6 +143,7 @@ class _Caller(collections.deque):
         self._begins, self._news = threading.Lock(), threading.Lock()
 
     def call(self, function):
+        """Returns whether there is a thread: none if they have run out, or Python 3.12 is ending."""
         if len(self) < WAITING:
             self.append(function)
         with contextlib.suppress(RuntimeError):  # no thread to be had, or it has been told already
@@ -151,6 +153,7 @@ class _Caller(collections.deque):
                 except RuntimeError:  # the next call tries again
                     self._begins.release()
             self._news.release()
+        return self._begins.locked()
 
     def _run(self):
         while True:
@@ -186,7 +189,7 @@ def _write_to_terminal(handler, write, record):
     if "rospy/impl/" in record.pathname:  # its warnings quote what a peer has sent
         record.msg = printable(record.msg)
     stream = handler._stdout if record.levelno < logging.WARNING else handler._stderr
-    size = AT_ONCE if record.exc_info or record.stack_info else len(record.msg.encode("utf-8", "replace"))
+    size = len(logging.Formatter().format(record).encode("utf-8", "replace"))  # with the traceback, if there is one
     _write_at_once(stream, size, functools.partial(write, record))
 
 
@@ -194,12 +197,19 @@ def _write_at_once(stream, size, write):
     """Call write(), which writes so many bytes to stream; in the thread, if it may have to wait."""
     if _terminal or size >= AT_ONCE or not _takes_a_line(stream):
         _terminal.call(write)
-    elif stream.isatty():  # it says so if it takes a byte: nobody may read it (ssh, and the network is gone)
+    elif _is_terminal(stream):  # it says so if it takes a byte: nobody may read it (ssh, and the network is gone)
         written = threading.Event()
-        _terminal.call(lambda: (write(), written.set()))
-        written.wait(READ_WITHIN)
+        if _terminal.call(lambda: (write(), written.set())):
+            written.wait(READ_WITHIN)
+        elif _terminal:
+            _terminal.popleft()()
     else:
         write()
+
+
+def _is_terminal(stream):
+    with contextlib.suppress(AttributeError, OSError, ValueError):  # no file of the system's
+        return os.isatty(stream.fileno())
 
 
 def _write_later(write, record):

@@ -30,7 +30,7 @@ HEAD_START = 0.005  # s, for what a client must hear first
 FEEDBACK_HEAD_START = 0.02  # s; with 5 ms, 9 of 1000 results overtook theirs on 2 cores with 12 busy programs, now none
 SHUTTING_DOWN = "the server is shutting down"
 _RECALLABLE = GoalStatus.PENDING, GoalStatus.RECALLING
-_UNENDED = _RECALLABLE + (GoalStatus.ACTIVE, GoalStatus.PREEMPTING)
+_RUNNING = GoalStatus.ACTIVE, GoalStatus.PREEMPTING
 
 # Those of this process, by the resolved names of their actions.
 _servers: weakref.WeakValueDictionary = weakref.WeakValueDictionary()
@@ -102,7 +102,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             before, heard = seen, told
             seen, told = self.__taken_over, self.is_preempt_requested()
             if told:  # which it stays until the next goal: whoever has heard of it and ended the goal sleeps again
-                return not heard or self.is_active()
+                tracker = self.current_goal.status_tracker  # is_active() may wait for a callback
+                return not heard or bool(tracker and tracker.status.status in _RUNNING)
             # Whoever has accepted the newer goal works on it from now on.
             return seen != before and not heard and self.__taken_by != threading.get_ident()
 
@@ -399,7 +400,7 @@ class _ActionServer(actionlib.ActionServer):
 
     def unended(self):
         """Returns the trackers of goals that have no ending yet. Takes no lock."""
-        return [one for one in list(self.status_list) if one.goal and one.status.status in _UNENDED]
+        return [one for one in list(self.status_list) if one.goal and one.status.status in _RECALLABLE + _RUNNING]
 
     def close(self):
         """End whatever has no ending, and stop, even if a callback holds the lock for ever."""

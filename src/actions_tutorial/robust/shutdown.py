@@ -94,6 +94,7 @@ class Closer(threading.Thread):
         self._before = {}  # signal handlers by number
         self._fd_before = self._file_before = None  # the wake-up descriptor, and what it stands for
         self._begun = self._deadline = None  # time.monotonic()
+        self._begun_by = None  # the number of the thread that runs the hooks
         self._heard = None  # the number of a signal that the main thread went on after
         self._closed = threading.Event()
 
@@ -161,7 +162,10 @@ class Closer(threading.Thread):
                 aside(self._shut_down)
 
     def _shut_down(self):
-        rospy.signal_shutdown("told to end")
+        try:
+            rospy.signal_shutdown("told to end")
+        except SystemExit:  # of a hook of the program's
+            self._closed.set()
         if not rospy.core.is_initialized():
             self._closed.set()
 
@@ -170,7 +174,8 @@ class Closer(threading.Thread):
         before = self._before.get(number)
         self.close()
         if callable(before) and before is not signal.default_int_handler:
-            self._closed.wait(CLOSED_WITHIN)  # as with rospy, the program's own handler comes after the node's end
+            if self._begun_by != threading.get_ident():  # else this interrupts the node's end
+                self._closed.wait(CLOSED_WITHIN)  # as with rospy, the program's own handler comes after that
             with contextlib.suppress(KeyboardInterrupt):
                 before(number, frame)
         else:
@@ -190,7 +195,7 @@ class Closer(threading.Thread):
 
     def _begin(self):
         """On shutdown, whoever asked for it."""
-        self._begun = time.monotonic()
+        self._begun, self._begun_by = time.monotonic(), threading.get_ident()
         # Without it, a call that the master never answers holds up all that follow (rospy/core.py, _LockedServerProxy).
         uri = rosgraph.get_master_uri()
         rospy.core._xmlrpc_cache[uri] = impatient_proxy(uri)
@@ -211,7 +216,7 @@ class Closer(threading.Thread):
         rospy.core.signal_shutdown = rospy.signal_shutdown
         alone = self not in unfinished and not self._begun and not self._deadline
         if alone:
-            rospy.signal_shutdown("atexit")  # here: Python 3.12 starts no thread any more, and ours has to hear signals
+            aside(self._shut_down)  # not in our thread, which has to hear signals; Python 3.12 starts none any more
         elif not self._closed.is_set():  # a thread that starts while Python ends can crash it (3.11)
             self.close(_END)
         begun = self._begun or time.monotonic()
