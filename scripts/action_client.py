@@ -4,7 +4,7 @@
 Private parameters, set with _NAME:=VALUE:
   ~number_of_minutes   the goal: how many minutes to wash, one bowl a minute (default 7)
   ~server_timeout      seconds to wait for the master, and then as long again for the server; 0: for ever (default 0)
-  ~heartbeat_timeout   seconds without a status message that lists the goal: then the server counts as lost (default 5)
+  ~heartbeat_timeout   seconds without a word about the goal: then the server counts as lost (default 5)
 
 Exit status: 0 for SUCCEEDED; 1 for any other ending, Ctrl-C, or no server; 2 for a wrong parameter or argument.
 """

@@ -55,8 +55,9 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """Arguments as for actionlib.SimpleActionClient.
 
         heartbeat_timeout: s for which the server may be silent about the goal before it is LOST; six times as long if
-            its node still answers. A server lists its goals in its status, five times a second unless its parameter
-            actionlib_status_frequency says otherwise. Only time that passes on both clocks counts, ROS's and the real.
+            it sends no status at all, but its node answers. A server lists its goals in its status, five times a second
+            unless its parameter actionlib_status_frequency says otherwise. Only time that passes on both clocks counts,
+            ROS's and the real.
         Raises ValueError for a heartbeat_timeout that is not above 0, rospy.ROSInitException for what prevents a start.
         """
         if heartbeat_timeout is True or not isinstance(heartbeat_timeout, (int, float)) or not heartbeat_timeout > 0:
@@ -146,7 +147,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                   feedback_cb: Optional[Callable] = None) -> None:
         """Send a goal, and forget the one before. Arguments as for actionlib's; goal may be changed afterwards.
 
-        Raises rospy.ROSSerializationException for a goal that cannot be sent, rospy.ROSInitException on shutdown.
+        Raises rospy.ROSSerializationException for a goal that cannot be sent (AttributeError for one of another type),
+        rospy.ROSInitException on shutdown.
         """
         self.__set_up()
         with self.action_client.manager.list_mutex:  # whoever brings an answer waits for this

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What robust uses of rospy and actionlib without their documenting it, checked when a node starts."""
+"""What robust uses of rospy and actionlib without their documenting it, most of it checked when a node starts."""
 import http.client
 import operator
 import sys

@@ -33,8 +33,8 @@ def init_node(name: str, argv: Optional[List[str]] = None, anonymous: bool = Fal
         also how long to wait for the master (real s; 0: for ever).
 
     Returns the values (tuple) of parameters, also when it is called again. Raises ValueError for a name that is none
-    and rospy.ROSInitException for whatever else prevents the start; uncaught, the latter is one line and exit status 1.
-    A wrong argument or parameter is one line and exit status 2.
+    (and when it is called again for a parameter), rospy.ROSInitException for whatever else prevents the start;
+    uncaught, the latter is one line and exit status 1. A wrong argument or parameter is one line and exit status 2.
     """
     arguments, parameters = (sys.argv if argv is None else argv)[1:], parameters or {}
     options = name, argv, anonymous, log_level, disable_rostime, disable_rosout

@@ -10,7 +10,7 @@ Who may take how long, from the moment that a signal or `rosnode kill` tells the
       to 1.8 s  lines of log are written
     at 1.9 s    whatever is still there is killed
 
-The thread Closer hears the signals; each goal's ending has a thread as long as it lasts.
+The thread Closer hears the signals; each server and client has one while its goals end.
 """
 import atexit
 import contextlib

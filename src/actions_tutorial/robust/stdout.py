@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Standard output of print: what it prints is there at once, and a node whose lines nobody can read ends."""
+"""Standard output of print: its lines are there at once, and a node whose lines nobody can read ends."""
 import functools
 import os
 import sys
