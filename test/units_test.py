@@ -11,7 +11,6 @@ import logging
 import os
 import pathlib
 import re
-import select
 import signal
 import socket
 import subprocess
@@ -378,7 +377,9 @@ class Units(unittest.TestCase):
                 self.assertEqual(calls, (write.call_count, later.call.call_count))
         for error in AttributeError, OSError, ValueError:
             other = mock.Mock(fileno=mock.Mock(side_effect=error))
-            self.assertEqual((True, None), (log._takes_a_line(other), log._is_terminal(other)))
+            self.assertTrue(log._takes_a_line(other))
+            log._write_at_once(mock.Mock(spec=["write"], fileno=other.fileno), 1, write)  # somebody's that has no isatty
+        self.assertEqual(4, write.call_count)
 
     def test_line_for_a_terminal_is_written_here_where_no_thread_can_be_had(self):
         with mock.patch.object(log, "_terminal", log._Caller(0)) as caller, mock.patch.object(log, "_is_terminal"), \
@@ -388,7 +389,7 @@ class Units(unittest.TestCase):
         self.assertEqual((1, 0), (write.call_count, len(caller)))
 
     def test_complaint_of_the_log_names_what_it_cannot_log_to_and_where_nobody_can_be_told_is_no_error(self):
-        for stderr in None, mock.Mock(write=mock.Mock(side_effect=OSError)):
+        for stderr in None, *(mock.Mock(**{"write.side_effect": error}) for error in (OSError, ValueError)):
             with mock.patch.object(sys, "stderr", stderr):
                 log._say_once(mock.Mock(), [], None)
         with contextlib.redirect_stderr(io.StringIO()) as said:
@@ -432,10 +433,13 @@ class Units(unittest.TestCase):
     def test_long_line_goes_whole_to_a_pipe_that_is_not_to_wait_and_one_that_may_not_fit_goes_by_the_thread(self):
         reader, writer = os.pipe()
         os.set_blocking(writer, False)
-        with ThreadPoolExecutor(1) as thread, open(reader, "rb") as pipe, log._Whole(writer, "w") as own:
-            written = thread.submit(own.write, b"x" * 300000)
-            eventually(lambda: written.done() or select.select([pipe], [], [], 0)[0], "a letter")
-            self.assertEqual((300000, 300000), (len(pipe.read(300000)), written.result()))
+        is_full = threading.Event()
+        with ThreadPoolExecutor(1) as thread, open(reader, "rb") as pipe, \
+                mock.patch.object(log, "select", mock.Mock(select=lambda *_: is_full.set())):
+            read = thread.submit(lambda: is_full.wait(30) and pipe.read())
+            with log._Whole(writer, "w") as own:
+                written = own.write(b"x" * 300000)
+            self.assertEqual((300000, 300000), (written, len(read.result())))
         handler, sizes = mock.Mock(), []
         with mock.patch.object(log, "_write_at_once", lambda stream, size, write: sizes.append(size < log.AT_ONCE)):
             for name, value in ("msg", "a bowl"), ("msg", "\u4e8c" * 1000), ("stack_info", "here\n" * 400), \
@@ -497,6 +501,20 @@ class Units(unittest.TestCase):
                 one._finish()
             told.assert_not_called()
         self.assertEqual(["first", "second", "third"], said)
+
+    def test_end_of_a_node_wakes_each_rate_and_comes_after_the_hooks_of_the_program(self):
+        with closer() as one, mock.patch.object(shutdown, "_endings", {}), mock.patch.object(rate, "wake") as wake, \
+                mock.patch.object(rospy, "on_shutdown"), mock.patch.dict(rospy.core._xmlrpc_cache), \
+                mock.patch.object(rospy.core, "_shutdown_hooks", []) as hooks:
+            shutdown.at_end(self.id)
+            one.is_up()
+            rospy.core.add_shutdown_hook(lambda _: self.assertFalse(one._closed.is_set()))
+            one._begin()
+            one.is_up()  # if it was told to end while it started
+            for hook in hooks:
+                hook("why")
+            self.assertTrue(one._closed.is_set())
+        self.assertEqual((1, 4), (wake.call_count, len(hooks)))
 
     def test_hooks_at_the_end_of_a_program_may_exit_and_a_handler_that_interrupts_them_waits_for_nothing(self):
         def run_hooks(_):
@@ -997,6 +1015,8 @@ class Units(unittest.TestCase):
                 (GoalStatus.PREEMPTED, False):  # a preempt callback may have ended it before
             self.assertEqual(stops, stop_requested(), "whoever has heard and ended its goal sleeps on")
         asked.is_active.assert_not_called()  # which waits for a callback that may wait for the worker
+        with mock.patch.object(rospy, "is_shutdown", return_value=True):
+            self.assertTrue(stop_requested(), "the clock may stand still")
         asked.is_preempt_requested, asked._SimpleActionServer__taken_over = lambda: False, 5
         self.assertFalse(stop_requested(), "by a goal that came since the last stop")
         asked._SimpleActionServer__taken_over = 1
@@ -1004,22 +1024,23 @@ class Units(unittest.TestCase):
         asked._SimpleActionServer__taken_over, asked._SimpleActionServer__taken_by = 2, threading.get_ident()
         self.assertFalse(stop_requested(), "whoever has taken up the newer goal sleeps on")
 
-    def test_server_that_is_stopped_tells_the_goal_that_runs_and_has_none_that_waits(self):
-        one = self.serving()
-        seen = one.action_server.status_pub.publish
-        for goal_id in "runs", "waits":
-            one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id=goal_id)))
-            if goal_id == "runs":
-                one.accept_new_goal()
-        with mock.patch.object(shutdown, "SENT_WITHIN", 0), mock.patch.object(actionlib.ActionServer, "stop"):
-            one.action_server.stop()
-        self.assertEqual([GoalStatus.ABORTED, GoalStatus.RECALLED],
-                         [status.status for status in seen.call_args[0][0].status_list])
-        self.assertEqual((False, True), (one.is_new_goal_available(), one.is_preempt_requested()))
-        one.action_server.started = True  # again
-        one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id="next")))
-        one.accept_new_goal()
-        self.assertEqual((True, False), (one.is_active(), one.is_preempt_requested()))
+    def test_server_that_is_stopped_tells_the_goal_that_runs_has_none_that_waits_and_may_go_on(self):
+        for others in [], ["waits"]:
+            one = self.serving()
+            sent = one.action_server.internal_goal_callback
+            sent(TestActionGoal(goal_id=GoalID(id="runs")))
+            one.accept_new_goal()
+            for other in others:
+                sent(TestActionGoal(goal_id=GoalID(id=other, stamp=rospy.Time(2 ** 31))))  # a clock that is wrong
+            with mock.patch.object(shutdown, "SENT_WITHIN", 0), mock.patch.object(actionlib.ActionServer, "stop"):
+                one.action_server.stop()
+            self.assertEqual([GoalStatus.ABORTED] + [GoalStatus.RECALLED] * len(others), [
+                each.status for each in one.action_server.status_pub.publish.call_args[0][0].status_list])
+            self.assertEqual((False, True), (one.is_new_goal_available(), one.is_preempt_requested()))
+            one.action_server.started = True  # again
+            sent(TestActionGoal(goal_id=GoalID(id="next", stamp=rospy.Time(1))))
+            one.accept_new_goal()
+            self.assertEqual((True, False), (one.is_active(), one.is_preempt_requested()))
 
     def test_what_is_logged_of_a_goal_holds_up_neither_it_nor_its_ending_and_is_what_came(self):
         one, lines, goal = self.serving(), [], TestActionGoal(goal_id=GoalID(id="id"))

@@ -143,7 +143,7 @@ class _Caller(collections.deque):
         self._begins, self._news = threading.Lock(), threading.Lock()
 
     def call(self, function):
-        """Returns whether there is a thread: none if they have run out, or Python 3.12 is ending."""
+        """Returns whether there is a thread: none if they have run out, or Python 3.12.1 is ending."""
         if len(self) < WAITING:
             self.append(function)
         with contextlib.suppress(RuntimeError):  # no thread to be had, or it has been told already
@@ -246,7 +246,7 @@ def _say_once(handler, said, _):
     """For handleError. Without it, a disk that is full costs a traceback for each line of log."""
     if not said:
         said.append(True)
-        with contextlib.suppress(AttributeError, OSError):  # nobody is left to tell
+        with contextlib.suppress(AttributeError, OSError, ValueError):  # nobody is left to tell
             place = "the terminal" if isinstance(handler, RosStreamHandler) else "/rosout"
             sys.stderr.write("cannot log to %s: %s\n" % (
                 getattr(handler, "baseFilename", place), sys.exc_info()[1]))

@@ -103,7 +103,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             seen, told = self.__taken_over, self.is_preempt_requested()
             if told:  # which it stays until the next goal: whoever has heard of it and ended the goal sleeps again
                 tracker = self.current_goal.status_tracker  # is_active() may wait for a callback
-                return not heard or bool(tracker and tracker.status.status in _RUNNING)
+                return not heard or rospy.is_shutdown() or bool(tracker and tracker.status.status in _RUNNING)
             # Whoever has accepted the newer goal works on it from now on.
             return seen != before and not heard and self.__taken_by != threading.get_ident()
 

@@ -26,7 +26,7 @@ import weakref
 import rosgraph
 import rospy
 
-from . import log, stdout
+from . import log, rate, stdout
 from .internals import impatient_proxy
 
 GOALS_END_WITHIN = 1.0  # s of the beginning, as all of these
@@ -46,6 +46,7 @@ def at_end(end_goals):
     to the endings of its goals until deadline (as of time.monotonic()). Its object may be forgotten before."""
     if not _endings:
         rospy.on_shutdown(_end_all_goals)
+        rospy.core.add_shutdown_hook(lambda _: rate.wake())  # rospy.is_shutdown() from now on, which ends each sleep
     for key in [key for key, one in list(_endings.items()) if not one()]:
         _endings.pop(key, None)  # in place: other threads do so, too
     _endings[id(end_goals.__self__)] = weakref.WeakMethod(end_goals)
@@ -119,8 +120,9 @@ class Closer(threading.Thread):
         self.start()
 
     def is_up(self):
-        """After rospy.init_node, which adds the hooks that come before."""
-        rospy.core.add_shutdown_hook(self._is_down)
+        """After rospy.init_node, which adds hooks that come before; the node may have been told to end meanwhile."""
+        if self._begun:
+            rospy.core.add_shutdown_hook(self._is_down)
         unfinished.discard(self)
 
     def give_up(self):
@@ -200,6 +202,7 @@ class Closer(threading.Thread):
         uri = rosgraph.get_master_uri()
         rospy.core._xmlrpc_cache[uri] = impatient_proxy(uri)
         _end_all_goals()
+        rospy.core.add_shutdown_hook(self._is_down)  # the last one, after the program's own
 
     def _main_has_ended(self):
         if self._deadline:
@@ -216,7 +219,7 @@ class Closer(threading.Thread):
         rospy.core.signal_shutdown = rospy.signal_shutdown
         alone = self not in unfinished and not self._begun and not self._deadline
         if alone:
-            aside(self._shut_down)  # not in our thread, which has to hear signals; Python 3.12 starts none any more
+            aside(self._shut_down)  # not in our thread, which has to hear signals; 3.12.1 starts none any more
         elif not self._closed.is_set():  # a thread that starts while Python ends can crash it (3.11)
             self.close(_END)
         begun = self._begun or time.monotonic()
