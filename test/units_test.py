@@ -526,7 +526,10 @@ class Units(unittest.TestCase):
 
         ran_in, handled = [], mock.Mock()
         self.addCleanup(signal.signal, signal.SIGTERM, signal.signal(signal.SIGTERM, handled))
-        refused = mock.patch.object(threading.Thread, "start", side_effect=RuntimeError)  # as Python 3.12 does then
+        patience = threading.Timer(20, lambda: one._closed.set())
+        self.addCleanup(patience.cancel)
+        patience.start()
+        refused = mock.patch.object(threading.Thread, "start", side_effect=RuntimeError)  # as Python 3.12.1 does then
         for no_thread in contextlib.nullcontext(), refused:
             with closer() as one, no_thread, mock.patch.object(rospy, "signal_shutdown", run_hooks), \
                     mock.patch.object(shutdown, "_end_all_goals"), mock.patch.dict(rospy.core._xmlrpc_cache):
