@@ -378,7 +378,7 @@ class Units(unittest.TestCase):
         for error in AttributeError, OSError, ValueError:
             other = mock.Mock(fileno=mock.Mock(side_effect=error))
             self.assertTrue(log._takes_a_line(other))
-            log._write_at_once(mock.Mock(spec=["write"], fileno=other.fileno), 1, write)  # somebody's that has no isatty
+            log._write_at_once(mock.Mock(spec=["write"], fileno=other.fileno), 1, write)  # without isatty
         self.assertEqual(4, write.call_count)
 
     def test_line_for_a_terminal_is_written_here_where_no_thread_can_be_had(self):
