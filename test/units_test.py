@@ -486,6 +486,20 @@ class Units(unittest.TestCase):
         threading.Thread(target=log_and_be_interrupted, daemon=True).start()
         eventually(lambda: said.count("the program's") == len(steps), "a line for each step")
 
+    def test_thread_that_writes_to_a_terminal_ends_after_a_while_and_begins_anew_for_what_comes_meanwhile(self):
+        def acquire(timeout):
+            step = next(steps)
+            if step == 1:
+                caller.append(lambda: said.append("meanwhile"))
+            return step != 1 and real.acquire(timeout=timeout)
+
+        caller, said, steps, before = log._Caller(0, 0.01), [], itertools.count(), threading.active_count()
+        real, caller._news = caller._news, mock.Mock(acquire=acquire, release=caller._news.release)
+        for word in "first", "later":
+            self.assertTrue(caller.call(functools.partial(said.append, word)))
+            eventually(lambda: not caller and threading.active_count() == before, "its end")
+        self.assertEqual(["first", "meanwhile", "later"], said)
+
     def test_flush_waits_for_the_lines_so_far_and_the_end_of_a_node_flushes(self):
         said = self.logged()
         with closer() as one, mock.patch.object(shutdown, "CLOSED_WITHIN", 0):

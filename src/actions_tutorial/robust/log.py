@@ -26,7 +26,7 @@ from .internals import need
 LATER = 0.005  # s that a line for /rosout and the file waits, while what it tells of goes out
 WAITING = 1000  # lines that may wait for one of the two threads; further ones are lost
 AT_ONCE = 1500  # bytes; a pipe that takes anything takes 4096 without waiting, and ASCII makes 10 of 4
-READ_WITHIN = 0.2  # s that a terminal may keep whoever logs, once
+READ_WITHIN = 0.2  # s that a terminal may keep whoever logs, once; its thread waits as long for the next line
 
 _taken: list = []  # the handlers, as long as nobody has to wait for them
 _soon: collections.deque = collections.deque(maxlen=WAITING)  # lines on goals: functions that return them
@@ -132,37 +132,43 @@ def ask_the_master_once():
 
 
 class _Caller(collections.deque):
-    """The calls that wait for a thread, started with the first one, which makes them pause (s) after they came.
+    """The calls that wait for a thread, which makes them pause (s) after they came. It is started with the first one,
+    and ends when none has come for a while (s; -1: never).
 
     Only that thread waits for a lock: with a queue.Queue, a signal handler that logs waits for what it interrupted.
     """
 
-    def __init__(self, pause):
+    def __init__(self, pause, a_while=-1):
         super().__init__()
-        self._pause, self.at_work = pause, threading.RLock()
+        self._pause, self._while, self.at_work = pause, a_while, threading.RLock()
         self._begins, self._news = threading.Lock(), threading.Lock()
 
     def call(self, function):
         """Returns whether there is a thread: none if they have run out, or Python 3.12.1 is ending."""
         if len(self) < WAITING:
             self.append(function)
-        with contextlib.suppress(RuntimeError):  # no thread to be had, or it has been told already
-            if self._begins.acquire(blocking=False):  # once
-                try:
-                    threading.Thread(target=self._run, daemon=True).start()
-                except RuntimeError:  # the next call tries again
-                    self._begins.release()
+        self._begin()
+        with contextlib.suppress(RuntimeError):  # it has been told already
             self._news.release()
         return self._begins.locked()
 
+    def _begin(self):
+        if self._begins.acquire(blocking=False):  # there is none
+            try:
+                threading.Thread(target=self._run, daemon=True).start()
+            except RuntimeError:  # the next call tries again
+                self._begins.release()
+
     def _run(self):
-        while True:
-            self._news.acquire()
+        while self._news.acquire(timeout=self._while):
             time.sleep(self._pause)
             while self:
                 with self.at_work:
                     self[0]()
                 self.popleft()
+        self._begins.release()
+        if self:  # it has come meanwhile
+            self._begin()
 
 
 class _Shown(str):
@@ -178,7 +184,7 @@ def _taken_off():
     return lines
 
 
-_terminal, _others = _Caller(0), _Caller(LATER)
+_terminal, _others = _Caller(0, READ_WITHIN), _Caller(LATER)
 
 
 def _write_to_terminal(handler, write, record):
