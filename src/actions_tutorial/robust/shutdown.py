@@ -152,8 +152,8 @@ class Closer(threading.Thread):
                 return
             if struct.unpack("i", sender[:4])[0] != os.getpid():
                 continue  # a child that got a signal before its exec: subprocess, before Python 3.10
-            with contextlib.suppress(OSError):  # whoever was there before hears of all signals
-                if self._file_before and os.path.samestat(os.fstat(self._fd_before), self._file_before):
+            if self._is_fd_before_open():
+                with contextlib.suppress(OSError):  # whoever was there before hears of all signals
                     os.write(self._fd_before, bytes(number for number in told if number < _END))
             in_time = _END_IN_TIME in told or any(number in self._before and signal.getsignal(number) == self._heed
                                                   for number in told)
@@ -233,11 +233,16 @@ class Closer(threading.Thread):
                 signal.signal(number, signal.SIG_DFL if before is None else before)
         if self._fd_before is not None:
             signal.set_wakeup_fd(-1)
-            with contextlib.suppress(OSError, ValueError):  # closed since, or the number is another file's
-                if self._file_before and os.path.samestat(os.fstat(self._fd_before), self._file_before):
+            if self._is_fd_before_open():
+                with contextlib.suppress(OSError, ValueError):  # closed since, or it waits now
                     signal.set_wakeup_fd(self._fd_before)
         self._before, self._fd_before, self._file_before = {}, None, None
         atexit.unregister(self._main_has_ended)
+
+    def _is_fd_before_open(self):
+        """Returns whether there was a wake-up descriptor before, and its number is not another file's by now."""
+        with contextlib.suppress(OSError):  # closed
+            return self._file_before and os.path.samestat(os.fstat(self._fd_before), self._file_before)
 
     def _forget(self):
         """In a child process: its signals and its end are not the node's."""
