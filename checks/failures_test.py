@@ -226,7 +226,7 @@ def test_a_build_that_is_deaf(machine, ready):
 
 
 def test_a_build_that_is_mended_by_sh_tutorial(machine, ready):
-    machine.run("sh", COPY + "/tutorial", "demo", "number_of_minutes:=1", **ROOTS)
+    machine.run("sh", COPY + "/tutorial", "demo", "number_of_minutes:=1", ROS_NAMESPACE="/kitchen", **ROOTS)
 
 
 def test_a_checkout_that_was_renamed(machine, ready):

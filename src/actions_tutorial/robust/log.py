@@ -147,17 +147,19 @@ class _Caller(collections.deque):
         """Returns whether there is a thread: none if they have run out, or Python 3.12.1 is ending."""
         if len(self) < WAITING:
             self.append(function)
-        self._begin()
+        is_there = self._begin()
         with contextlib.suppress(RuntimeError):  # it has been told already
             self._news.release()
-        return self._begins.locked()
+        return is_there
 
     def _begin(self):
-        if self._begins.acquire(blocking=False):  # there is none
+        if self._begins.acquire(blocking=False):  # else there is one; if it is just ending, it begins the next
             try:
                 threading.Thread(target=self._run, daemon=True).start()
             except RuntimeError:  # the next call tries again
                 self._begins.release()
+                return False
+        return True
 
     def _run(self):
         while self._news.acquire(timeout=self._while):
