@@ -1059,6 +1059,16 @@ class Units(unittest.TestCase):
             one.accept_new_goal()
             self.assertEqual((True, False), (one.is_active(), one.is_preempt_requested()))
 
+    def test_status_shows_an_ending_also_where_the_clock_leaps_while_it_is_made_up(self):
+        one = self.serving()
+        one.action_server.status_list_timeout = rospy.Duration(5)
+        one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id="goal")))
+        one.accept_new_goal()
+        with mock.patch.object(rospy.Time, "now", side_effect=map(rospy.Time, range(1000, 2000, 10))):
+            one.set_succeeded()
+        shown, = one.action_server.status_pub.publish.call_args[0][0].status_list
+        self.assertEqual(("goal", GoalStatus.SUCCEEDED), (shown.goal_id.id, shown.status))
+
     def test_what_is_logged_of_a_goal_holds_up_neither_it_nor_its_ending_and_is_what_came(self):
         one, lines, goal = self.serving(), [], TestActionGoal(goal_id=GoalID(id="id"))
 
