@@ -225,7 +225,7 @@ def test_a_build_that_is_deaf(machine, ready):
                     user="root", TUTORIAL_WS="/srv/deaf")
 
 
-def test_a_build_that_is_mended_by_sh_tutorial(machine, ready):
+def test_a_build_that_is_mended_by_sh_tutorial_in_a_namespace(machine, ready):
     machine.run("sh", COPY + "/tutorial", "demo", "number_of_minutes:=1", ROS_NAMESPACE="/kitchen", **ROOTS)
 
 

@@ -86,12 +86,10 @@ class TestGoal(ServerCase):
         """Begin anew with a server that forgets goals 0.1 s after their end, on the ROS clock, and drops no message, as
         one would that a busy machine holds up while 50 are sent."""
         self.doCleanups()
-        parameters = {"/wash_dishes_as/status_list_timeout": 0.1, "/actionlib_server_pub_queue_size": 0}
-        for name, value in parameters.items():
+        for name, value in ("/wash_dishes_as/status_list_timeout", 0.1), ("/actionlib_server_pub_queue_size", 0):
             rospy.set_param(name, value)
-        self.setUp()
-        for name in parameters:
             self.addCleanup(rospy.delete_param, name)
+        self.setUp()
 
     def test_each_ending_is_shown_by_a_status_while_the_clock_leaps(self):
         self.forget_soon()

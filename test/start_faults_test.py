@@ -13,7 +13,8 @@ from processes import PACKAGE, Master, check_client, eventually, run
 NODES = "action_server.py", "action_client.py", "add_two_numbers_server.py"
 LAUNCH = "actions_tutorial", "wash_the_dishes.launch"
 
-# Holds a node up for a moment at its so-manieth event (str, of Python's audit events) since robust began its imports.
+# Holds a node up for a second: at the first, second, … (int) of Python's audit events of a name (str), counted from
+# when robust begins its imports.
 HOLD = """
 import sys, time
 seen = 0
