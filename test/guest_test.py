@@ -26,7 +26,7 @@ import threading, time
 from actions_tutorial import robust
 import actionlib, rosgraph, rospy
 from actionlib.msg import TestAction, TestGoal
-from actionlib_msgs.msg import GoalStatus
+from actionlib_msgs.msg import GoalID, GoalStatus
 
 def so(condition, seconds=10):
     end = time.monotonic() + seconds
@@ -149,45 +149,33 @@ rospy.on_shutdown(lambda: print("hook", time.sleep(0.3)))
 send("{0}")
 so(rospy.is_shutdown, 30)
 """.format(name, code), "hook None", "motors off True", status=status, head=HEAD)
-        # And where a hook holds that up, in time.
-        self.says(master, """
-robust.shutdown.CLOSED_WITHIN = 0.5
-signal.signal(signal.SIGTERM, lambda *_: print("motors off"))
-robust.init_node("guest")
-rospy.on_shutdown(threading.Event().wait)
-send("TERM")
-so(rospy.is_shutdown, 30)
-""", "motors off", head=HEAD)
 
-    def test_hooks_run_while_goals_end_after_the_main_program_has_heard_and_before_it_wakes_from_pause(self, master):
+    def test_hooks_run_in_the_main_thread_which_drives_on_after_them_only_and_goals_end_meanwhile(self, master):
+        """As with rospy; and what a hook sends is not cancelled with the goals from before."""
         self.says(master, """
-server, client = pair(lambda _: so(rospy.is_shutdown))
-client.send_goal(TestGoal())
+def end():
+    so(lambda: not server.is_active())
+    print(threading.current_thread().name, client.get_state(), rospy.is_shutdown())
+    client.send_goal(TestGoal(1))  # such as to park an arm
+    print(client.wait_for_result(0.3), len(cancels))
+
+server, client = pair(lambda goal: time.sleep(0.5) if goal.goal else so(rospy.core.is_shutdown_requested), actionlib)
+client.send_goal(TestGoal(0))
 so(server.is_active)
-heard = threading.Event()
-rospy.on_shutdown(lambda: print(heard.wait(1), server.is_active()))
-send("INT")
-so(rospy.core.is_shutdown_requested)
-heard.set()
+cancels = []
+rospy.Subscriber("work/cancel", GoalID, cancels.append)
+rospy.on_shutdown(end)
+threading.Timer(0.2, send, ["INT"]).start()
 while not rospy.is_shutdown():
     signal.pause()
+print("main")
 sys.exit(3)
-""", "True True", status=3)
-        # A handler of later does not hear the signal once more.
-        self.says(master, """
-heard = threading.Event()
-rospy.on_shutdown(lambda: print(heard.wait(1)))
-send("INT")
-so(rospy.core.is_shutdown_requested)
-signal.signal(signal.SIGINT, lambda *_: print("heard twice"))
-heard.set()
-so(rospy.is_shutdown)
-""", "True")
+""", "MainThread 4 False", "False 1", "main", status=3)
 
     def test_signal_ends_the_node_whatever_became_of_the_wake_up_descriptor_which_hears_of_nothing_else(self, master):
         none = "BlockingIOError(11, 'Resource temporarily unavailable')"
         for code, end, heard in (("", "read", "{15}"), ("os.close(write)", "other[0]", none),
-                                 ("os.close(read)", "other[0]", none), ("os.dup2(other[1], write)", "other[0]", none)):
+                                 ("os.close(read)", "other[0]", none)):
             self.says(master, """
 robust.shutdown.KILLED_AFTER = 30
 other, (read, write) = os.pipe2(os.O_NONBLOCK), os.pipe2(os.O_NONBLOCK)
@@ -292,13 +280,6 @@ if not child:
     speak()
     robust.log.flush = print  # as a node's end would do
     sys.exit(3 if signal.getsignal(signal.SIGHUP) is print else "no handler")
-sys.setswitchinterval(1000)  # s; else a thread that asks for its turn stops the next child, which has no threads
-report(os.waitpid(child, 0)[1] >> 8)
-child = ctypes.PyDLL(None).fork()  # Python's hooks do not hear of it, as in a child of subprocess before its exec
-if not child:
-    signal.raise_signal(signal.SIGTERM)
-    os._exit(4)
-sys.setswitchinterval(0.005)
 report(os.waitpid(child, 0)[1] >> 8)
 for child, is_ready in (
         (fork.Process(target=speak), None), (fork.Process(target=speak_in_vain), None),
@@ -319,7 +300,7 @@ done.set()
 client.wait_for_result(rospy.Duration(10))
 print(GoalStatus.to_string(client.get_state()))
 rospy.signal_shutdown("done")
-""", "0", "child prints", "3 " + kept, "4 " + kept, "child prints", "0 " + kept, "0 " + kept, "child prints",
+""", "0", "child prints", "3 " + kept, "child prints", "0 " + kept, "0 " + kept, "child prints",
                          "-15 " + kept, "-15 " + kept, "SUCCEEDED")
         self.assertEqual(3, node.stderr.count("[WARN] child logs\n"), node)
         self.assertEqual(3, log_file(master).count("child logs"), node)
@@ -502,7 +483,7 @@ sys.argv.append("_n:=abc")
 case(lambda: robust.init_node("x"), lambda: robust.get_param("~n", 7))
 """, *["() up"] * 2, 'ROSException("rospy.init_node() up', *["None up"] * 2, 'ROSException("rospy.init_node() up',
                   "(7,) None [1] [1] None (1, 2) up", "() 7 up",
-                  "ValueError(\"~n is 'abc', must be a whole number\") up", head=HEAD,
+                  "abc up", head=HEAD,
                   quiet=False)  # Debian 11's rospy, where it is not ours, ends with a traceback
 
     def test_name_that_is_none_is_a_value_error_at_once_in_rospy_s_words(self, master):

@@ -26,7 +26,7 @@ from .internals import need
 LATER = 0.005  # s that a line for /rosout and the file waits, while what it tells of goes out
 WAITING = 1000  # lines that may wait for one of the two threads; further ones are lost
 AT_ONCE = 1500  # bytes; a pipe that takes anything takes 4096 without waiting, and ASCII makes 10 of 4
-READ_WITHIN = 0.2  # s that a terminal may keep whoever logs, once; its thread waits as long for the next line
+READ_WITHIN = 0.2  # s that a terminal may keep whoever logs, once
 
 _taken: list = []  # the handlers, as long as nobody has to wait for them
 _soon: collections.deque = collections.deque(maxlen=WAITING)  # lines on goals: functions that return them
@@ -84,7 +84,8 @@ def hold_nobody_up(handlers):
         handler.handleError = functools.partial(_say_once, handler, [])
         if isinstance(handler, RosStreamHandler):
             need("rospy", handler, "_stdout", "_stderr")
-            handler.stdout_before, handler._stdout = handler._stdout, _own(handler._stdout)
+            handler.before = handler._stdout, handler._stderr
+            handler._stdout, handler._stderr = map(_own, handler.before)
             emit = functools.partial(_write_to_terminal, handler, write)
         else:
             emit = functools.partial(_write_later, write)
@@ -110,7 +111,7 @@ def give_back():
         handler = _taken.pop()
         del handler.emit, handler.handleError
         if isinstance(handler, RosStreamHandler):
-            handler._stdout = handler.stdout_before  # else the child's lines overtake what it has printed
+            handler._stdout, handler._stderr = handler.before  # else its lines overtake what it has printed
 
 
 def flush(seconds):
@@ -132,45 +133,37 @@ def ask_the_master_once():
 
 
 class _Caller(collections.deque):
-    """The calls that wait for a thread, which makes them pause (s) after they came. It is started with the first one,
-    and ends when none has come for a while (s; -1: never).
+    """The calls that wait for a thread, which makes them pause (s) after they came. It is started with the first one.
 
     Only that thread waits for a lock: with a queue.Queue, a signal handler that logs waits for what it interrupted.
     """
 
-    def __init__(self, pause, a_while=-1):
+    def __init__(self, pause):
         super().__init__()
-        self._pause, self._while, self.at_work = pause, a_while, threading.RLock()
+        self._pause, self.at_work = pause, threading.RLock()
         self._begins, self._news = threading.Lock(), threading.Lock()
 
     def call(self, function):
         """Returns whether there is a thread: none if they have run out, or Python 3.12.1 is ending."""
         if len(self) < WAITING:
             self.append(function)
-        is_there = self._begin()
-        with contextlib.suppress(RuntimeError):  # it has been told already
-            self._news.release()
-        return is_there
-
-    def _begin(self):
-        if self._begins.acquire(blocking=False):  # else there is one; if it is just ending, it begins the next
+        if self._begins.acquire(blocking=False):  # else there is one
             try:
                 threading.Thread(target=self._run, daemon=True).start()
             except RuntimeError:  # the next call tries again
                 self._begins.release()
                 return False
+        with contextlib.suppress(RuntimeError):  # it has been told already
+            self._news.release()
         return True
 
     def _run(self):
-        while self._news.acquire(timeout=self._while):
+        while self._news.acquire():
             time.sleep(self._pause)
             while self:
                 with self.at_work:
                     self[0]()
                 self.popleft()
-        self._begins.release()
-        if self:  # it has come meanwhile
-            self._begin()
 
 
 class _Shown(str):
@@ -186,7 +179,7 @@ def _taken_off():
     return lines
 
 
-_terminal, _others = _Caller(0, READ_WITHIN), _Caller(LATER)
+_terminal, _others = _Caller(0), _Caller(LATER)
 
 
 def _write_to_terminal(handler, write, record):
@@ -261,24 +254,12 @@ def _say_once(handler, said, _):
 
 
 def _own(stream):
-    """Returns a stream of the log's own in place of Python's. Without it, a stdout that nobody reads holds up the end
+    """Returns a stream of the log's own in place of Python's. Without it, a terminal that nobody reads holds up the end
     of the program, because whoever writes to it keeps its lock."""
-    if stream is not sys.__stdout__:
-        return stream
     if stream is None:
         return open(os.devnull, "w")
+    if stream not in (sys.__stdout__, sys.__stderr__):
+        return stream
     # Not buffered, or Python 3.13 complains of what it cannot flush.
-    return io.TextIOWrapper(_Whole(1, "w", closefd=False), stream.encoding, "backslashreplace", write_through=True)
-
-
-class _Whole(io.FileIO):
-    """Without it, what a write does not take is lost: if stdout is not to wait, or is a pipe and Ctrl-Z comes."""
-
-    def write(self, data):
-        written = 0
-        while written < len(data):
-            taken = super().write(data[written:])
-            if taken is None:
-                select.select([], [self], [], 1)
-            written += taken or 0
-        return written
+    file = io.FileIO(1 if stream is sys.__stdout__ else 2, "w", closefd=False)
+    return io.TextIOWrapper(file, stream.encoding, "backslashreplace", write_through=True)

@@ -17,7 +17,6 @@ import contextlib
 import os
 import signal
 import socket
-import struct
 import sys
 import threading
 import time
@@ -34,10 +33,12 @@ SENT_WITHIN = 0.1  # s more: rospy sends from threads of its own, which cannot b
 CLOSED_WITHIN = 1.5
 KILLED_AFTER = 1.9
 LOG_WITHIN = 0.3  # s for itself
+HEARD_WITHIN = 0.1  # s in which the main thread may hear a signal and run the hooks; then a thread does
 
-_END, _END_IN_TIME = 250, 251  # beside the numbers of signals, what Closer can be told
+_END = 255  # beside the numbers of signals, what Closer can be told
 
 unfinished: weakref.WeakSet = weakref.WeakSet()  # while there is any, a node that is killed has exit status 1, not 0
+hooks_thread = None  # the number of the thread that runs the hooks, when the node ends
 _endings: dict = {}  # weakref.WeakMethod by the id of its object, which may be unhashable
 
 
@@ -63,6 +64,8 @@ def aside(function, *args):
 
 
 def _end_all_goals():
+    global hooks_thread
+    hooks_thread = threading.get_ident()
     deadline = time.monotonic() + GOALS_END_WITHIN
     threads = []
     while _endings:
@@ -90,13 +93,10 @@ class Closer(threading.Thread):
     def __init__(self):
         super().__init__(daemon=True)
         self._ears, self._mouth = socket.socketpair()
-        self._ears.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)  # so that run() sees who speaks
         self._mouth.setblocking(False)
         self._before = {}  # signal handlers by number
-        self._fd_before = self._file_before = None  # the wake-up descriptor, and what it stands for
+        self._fd_before = -1  # the wake-up descriptor
         self._begun = self._deadline = None  # time.monotonic()
-        self._begun_by = None  # the number of the thread that runs the hooks
-        self._heard = None  # the number of a signal that the main thread went on after
         self._closed = threading.Event()
 
     def heed_signals(self):
@@ -106,12 +106,9 @@ class Closer(threading.Thread):
                 self._before[number] = signal.signal(number, self._heed)
         # Python writes the signal's number there at once, even while the main thread does not get round to _heed().
         self._fd_before = signal.set_wakeup_fd(self._mouth.fileno(), warn_on_full_buffer=False)
-        with contextlib.suppress(OSError):  # there was none
-            self._file_before = os.fstat(self._fd_before)
 
     def begin(self):
         """Before rospy.init_node, so that the goals' endings do not wait for the program's hooks."""
-        unfinished.add(self)
         rospy.on_shutdown(self._begin)
         atexit.register(self._main_has_ended)
         rospy.core.signal_shutdown = self._signal_shutdown
@@ -119,55 +116,42 @@ class Closer(threading.Thread):
         rospy.impl.masterslave.print = self._hear_request
         self.start()
 
-    def is_up(self):
-        """After rospy.init_node, which adds hooks that come before; the node may have been told to end meanwhile."""
-        if self._begun:
-            rospy.core.add_shutdown_hook(self._is_down)
-        unfinished.discard(self)
-
     def give_up(self):
         """The node cannot start: leave the process as it was."""
         self._give_back()
-        unfinished.discard(self)
         rospy.core.signal_shutdown = rospy.signal_shutdown
         self._mouth.close()
         if not self.ident:  # else the thread hears of it, and ends
             self._ears.close()
 
-    def close(self, what=_END_IN_TIME):
+    def close(self):
         """End the node as a signal does."""
         with contextlib.suppress(OSError):  # it has been told often enough
-            self._mouth.send(bytes([what]))
+            self._mouth.send(bytes([_END]))
 
     def run(self):
         while True:
             self._ears.settimeout(self._deadline and max(0.01, self._deadline - time.monotonic()))
             try:
-                told, ((_, _, sender), *_), *_ = self._ears.recvmsg(100, socket.CMSG_SPACE(12))
+                told = self._ears.recv(100)
             except socket.timeout:
                 if self._deadline:
-                    os._exit(1 if unfinished else 0)
+                    os._exit(1 if unfinished or not rospy.core.is_initialized() else 0)
                 continue
             if not told:
                 return
-            if struct.unpack("i", sender[:4])[0] != os.getpid():
-                continue  # a child that got a signal before its exec: subprocess, before Python 3.10
-            if self._is_fd_before_open():
-                with contextlib.suppress(OSError):  # whoever was there before hears of all signals
-                    os.write(self._fd_before, bytes(number for number in told if number < _END))
-            in_time = _END_IN_TIME in told or any(number in self._before and signal.getsignal(number) == self._heed
-                                                  for number in told)
-            # Not at python's prompt, which goes on without the node.
-            if in_time and not self._deadline and not hasattr(sys, "ps1") and not sys.flags.interactive:
-                self._deadline = time.monotonic() + KILLED_AFTER
-            if in_time or _END in told:
-                aside(self._shut_down)
+            with contextlib.suppress(OSError):  # whoever was there before, if anybody, hears of all signals
+                os.write(self._fd_before, bytes(number for number in told if number != _END))
+            if _END in told or any(number in self._before and signal.getsignal(number) == self._heed
+                                   for number in told):
+                # Not at python's prompt, which goes on without the node.
+                if not self._deadline and not hasattr(sys, "ps1") and not sys.flags.interactive:
+                    self._deadline = time.monotonic() + KILLED_AFTER
+                aside(self._shut_down, HEARD_WITHIN)
 
-    def _shut_down(self):
-        try:
-            rospy.signal_shutdown("told to end")
-        except SystemExit:  # of a hook of the program's
-            self._closed.set()
+    def _shut_down(self, later=0):
+        time.sleep(later)
+        rospy.signal_shutdown("told to end")
         if not rospy.core.is_initialized():
             self._closed.set()
 
@@ -175,18 +159,17 @@ class Closer(threading.Thread):
         """The signal handler. Whoever has the wake-up descriptor now, such as asyncio: this tells the thread, too."""
         before = self._before.get(number)
         self.close()
+        if self.ident:  # else it is obeyed when the checks are done
+            # The hooks run here, as with rospy: else the main program drives on when one of them has stopped the robot.
+            self._shut_down()
+            if hooks_thread != threading.get_ident():  # else this interrupts them
+                self._closed.wait(CLOSED_WITHIN)
         if callable(before) and before is not signal.default_int_handler:
-            if self._begun_by != threading.get_ident():  # else this interrupts the node's end
-                self._closed.wait(CLOSED_WITHIN)  # as with rospy, the program's own handler comes after that
             with contextlib.suppress(KeyboardInterrupt):
                 before(number, frame)
-        else:
-            self._heard = number
 
     def _is_down(self, _):
-        """From now on rospy.is_shutdown(). A main thread in signal.pause() looked before: the signal comes again."""
-        if self._heard and signal.getsignal(self._heard) == self._heed:
-            signal.pthread_kill(threading.main_thread().ident, self._heard)
+        """From now on rospy.is_shutdown()."""
         self._closed.set()
 
     def _hear_request(self, text):
@@ -197,7 +180,7 @@ class Closer(threading.Thread):
 
     def _begin(self):
         """On shutdown, whoever asked for it."""
-        self._begun, self._begun_by = time.monotonic(), threading.get_ident()
+        self._begun = time.monotonic()
         # Without it, a call that the master never answers holds up all that follow (rospy/core.py, _LockedServerProxy).
         uri = rosgraph.get_master_uri()
         rospy.core._xmlrpc_cache[uri] = impatient_proxy(uri)
@@ -217,13 +200,9 @@ class Closer(threading.Thread):
     def _finish(self):
         """Once; the exit status stays what it is. A program that ends by itself waits for its hooks, as with rospy."""
         rospy.core.signal_shutdown = rospy.signal_shutdown
-        alone = self not in unfinished and not self._begun and not self._deadline
-        if alone:
-            aside(self._shut_down)  # not in our thread, which has to hear signals; 3.12.1 starts none any more
-        elif not self._closed.is_set():  # a thread that starts while Python ends can crash it (3.11)
-            self.close(_END)
-        begun = self._begun or time.monotonic()
-        self._closed.wait(None if alone else begun + CLOSED_WITHIN - time.monotonic())
+        if not self._begun and not self._deadline:
+            self._shut_down()
+        self._closed.wait((self._begun or time.monotonic()) + CLOSED_WITHIN - time.monotonic())
         self._deadline = None
         log.flush(LOG_WITHIN)
 
@@ -231,18 +210,12 @@ class Closer(threading.Thread):
         for number, before in self._before.items():
             if signal.getsignal(number) == self._heed:  # nobody else has come since
                 signal.signal(number, signal.SIG_DFL if before is None else before)
-        if self._fd_before is not None:
+        if self._before:
             signal.set_wakeup_fd(-1)
-            if self._is_fd_before_open():
-                with contextlib.suppress(OSError, ValueError):  # closed since, or it waits now
-                    signal.set_wakeup_fd(self._fd_before)
-        self._before, self._fd_before, self._file_before = {}, None, None
+            with contextlib.suppress(OSError, ValueError):  # closed since, or it waits now
+                signal.set_wakeup_fd(self._fd_before)
+        self._before = {}
         atexit.unregister(self._main_has_ended)
-
-    def _is_fd_before_open(self):
-        """Returns whether there was a wake-up descriptor before, and its number is not another file's by now."""
-        with contextlib.suppress(OSError):  # closed
-            return self._file_before and os.path.samestat(os.fstat(self._fd_before), self._file_before)
 
     def _forget(self):
         """In a child process: its signals and its end are not the node's."""
