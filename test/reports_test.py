@@ -316,17 +316,6 @@ class Reports(NodeCase):
         result = raw.client.get_result()
         self.assertEqual((bowls(2), [(2, (SUCCEEDED, result))]), (result.dishes_washed, done), raw)
 
-    def test_goal_that_another_thread_cancels_or_forgets_while_it_is_sent_is_that(self, place):
-        raw = place.meet()
-        raw.while_sending(raw.client.cancel_goal)
-        goal = raw.send()
-        raw.eventually(lambda: raw.cancels == [goal], "a cancel")
-        raw.status()  # from before the goal
-        self.assertEqual(PENDING, raw.client.get_state(), raw)
-        raw.while_sending(raw.client.stop_tracking_goal)
-        raw.send()
-        raw.eventually(lambda: raw.client.gh is None, "no goal")
-
     def test_questions_while_a_goal_is_sent_are_answered_for_the_older_or_the_newer_one(self, place):
         raw, said = place.meet(), []
         for question, *answers in (("get_state", SUCCEEDED, PENDING), ("get_goal_status_text", ""),

@@ -4,7 +4,7 @@
 What belongs to a goal stands with the goal (_Goal), so an earlier one cannot spoil a later one.
 
 Threads: answers come in rospy's own, one for each topic of a server. One thread more looks after the goal until it has
-ended, and one asks the server, while wait_for_server() waits. The order of the locks: the goal's mutex, with which the
+ended. The order of the locks: the goal's mutex, with which the
 library calls done_cb and active_cb; then done_condition; then manager.list_mutex. With the latter two held, no callback
 of the user's is called.
 """
@@ -29,7 +29,6 @@ from actionlib_msgs.msg import GoalID, GoalStatus
 
 from . import log, node, peers, shutdown
 from .internals import NO_ANSWER, ask, ask_node, cannot_start, clear, name_of, need, why
-from .parameters import get_params
 
 Seconds = Union[genpy.Duration, float]
 
@@ -48,8 +47,9 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     It needs no init_node of ours. Names of its own begin with two underscores, so that a subclass may have any other.
     """
 
-    __is_set_up = __is_watched = __shutting_down = False
-    __why_not_sent = __server = ""  # the latter: the name of the last one that was silent
+    __is_set_up = __is_watched = False
+    __why_not_sent = ""
+    __silent: Any = None  # the last status of a server that was lost
 
     def __init__(self, ns: str, ActionSpec: type, *, heartbeat_timeout: float = 5.0) -> None:
         """Arguments as for actionlib.SimpleActionClient.
@@ -63,8 +63,6 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         if heartbeat_timeout is True or not isinstance(heartbeat_timeout, (int, float)) or not heartbeat_timeout > 0:
             raise ValueError("heartbeat_timeout is %r, must be a number above 0" % (heartbeat_timeout,))
         try:
-            get_params({"actionlib_client_pub_queue_size": (10, None, None),
-                        "actionlib_client_sub_queue_size": (-1, None, None)})
             peers.serve_all_peers()
             super().__init__(ns, ActionSpec)
         except (OSError, ValueError, rospy.ROSException) as error:  # the last of topics that are closed already
@@ -83,7 +81,6 @@ class SimpleActionClient(actionlib.SimpleActionClient):
              "status_sub.impl.connections")
         need("actionlib", CommStateMachine, "update_status", "update_result", "update_feedback", "_mark_as_lost")
         self.__heartbeat_timeout = heartbeat_timeout
-        self.__is_connected = node.asking(self.__ask_server)
         self.__registered = time.monotonic()
         # Without it, two clients of one name give the same id while simulated time stands still: the server ignores the
         # second goal, and its client waits for ever (actionlib/action_client.py, _generate_id).
@@ -103,7 +100,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         peers.serve_all_peers()  # of a client that was made before rospy.init_node, too
         what = "action " + rospy.resolve_name(self.action_client.ns)
         seconds = _duration(timeout).to_sec()
-        connected = node.wait_for(what, lambda: self.action_client.last_status_msg and self.__is_connected(), seconds)
+        connected = node.wait_for(what, self.__is_connected, seconds)
         goal = self.__goal()
         if not goal or goal.simple_state == SimpleGoalState.DONE:  # else it is the goal of which there is news
             self.__why_not_sent = "" if connected else \
@@ -111,12 +108,12 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                 "no %s within %g s" % (what, seconds)
         return connected
 
-    def __ask_server(self) -> bool:
+    def __is_connected(self) -> bool:
         """Returns whether messages go both ways. The library looks at its own ends: what is sent too early is lost."""
         client = self.action_client
         status = client.last_status_msg
-        if not status:
-            return False  # lost since wait_for_server() looked
+        if not status or status is self.__silent:
+            return False
         server = status._connection_header["callerid"]
         publishers = client.pub_goal, client.pub_cancel
         if not all(publisher.impl.has_connection(server) for publisher in publishers):
@@ -152,13 +149,14 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """
         self.__set_up()
         with self.action_client.manager.list_mutex:  # whoever brings an answer waits for this
-            if self.__shutting_down:
+            in_hook = threading.get_ident() == shutdown.hooks_thread
+            if rospy.is_shutdown() or shutdown.hooks_thread and not in_hook:
                 raise cannot_start("the node was shut down before it sent its goal")
             try:
                 super().send_goal(goal, done_cb, active_cb, feedback_cb)
                 machine = self.gh.comm_state_machine
                 machine.__class__ = _Goal
-                machine.begin(self.action_client.result_sub.resolved_name)
+                machine.begin(self.action_client.result_sub.resolved_name, in_hook)
                 self.gh.cancel = machine.cancel
             except Exception as error:  # SerializationError of its fields, AttributeError of a message of another kind
                 clear(self.action_client.pub_goal)
@@ -173,18 +171,6 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                 threading.Thread(target=self.__watch, daemon=True).start()  # which may fail
                 self.__is_watched = True
 
-    def cancel_goal(self) -> None:
-        """Ask the server to stop the goal, if it has not ended; also one that another thread is just sending."""
-        with self.action_client.manager.list_mutex:
-            gh = self.gh
-        if gh:
-            gh.cancel()
-
-    def stop_tracking_goal(self) -> None:
-        """Forget the goal; it goes on."""
-        with self.action_client.manager.list_mutex:
-            super().stop_tracking_goal()
-
     def send_goal_and_wait(self, goal: genpy.Message, execute_timeout: Seconds = rospy.Duration(),
                            preempt_timeout: Seconds = rospy.Duration()) -> int:
         """Send a goal and wait for its ending; after execute_timeout cancel it, and wait for preempt_timeout.
@@ -196,7 +182,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     def wait_for_result(self, timeout: Seconds = rospy.Duration()) -> bool:
         """Wait for the goal's ending.
 
-        timeout: rospy.Duration or s, on the ROS clock, from when that has begun (0: for ever; below 0: a look).
+        timeout: rospy.Duration or s, on the ROS clock, from when that has begun (0 and below: for ever).
         Returns True when the result is there and done_cb has run, even if that failed or sent the next goal. False
         after timeout, on shutdown, without a goal, and when the server is lost; get_failure() says which.
         """
@@ -207,9 +193,9 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             while goal and not goal.is_over and not rospy.is_shutdown():
                 now = rospy.get_time()
                 begun = begun or now  # 0 as long as a simulated clock has not begun
-                if seconds and now - begun >= seconds:
+                if 0 < seconds <= now - begun:
                     break
-                self.done_condition.wait(min(0.1, begun + seconds - now) if seconds else 0.1)
+                self.done_condition.wait(min(0.1, begun + seconds - now) if seconds > 0 else 0.1)
                 if goal.simple_state != SimpleGoalState.DONE:
                     goal = self.__goal()  # another thread may have sent the next one, or forgotten it
         return bool(goal and goal.is_over and goal.latest_goal_status.status != GoalStatus.LOST)
@@ -305,7 +291,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             if goal.silence > patience and (
                     goal.ignored > patience or goal.silence > LIVING * patience and not held_up or
                     not speaks_of_others and not self.__server_lives()):
-                self.action_client.last_status_msg = None  # who waits for a server now waits for one that speaks
+                self.__silent = self.action_client.last_status_msg  # who waits for a server waits for another one
                 with self.action_client.manager.list_mutex:
                     if self.__goal() is not goal:
                         continue  # another thread has sent the next one
@@ -316,23 +302,17 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     def __server_lives(self) -> bool:
         """Without it, a server is lost whose callback for goals takes its time: that holds the lock that a status needs
         (actionlib/action_server.py, internal_goal_callback)."""
-        status = self.action_client.last_status_msg
-        if status:  # none yet, for a second try after a time-out
-            self.__server = status._connection_header["callerid"]
-        # The master may be gone, or know the server no longer: our connection has its address, too.
         topic = self.action_client.status_sub.impl  # None if the client was stopped
-        uri = next((one.endpoint_id for one in topic and topic.connections or ()
-                    if one.callerid_pub == self.__server), None)
-        with contextlib.suppress(*NO_ANSWER):
-            return bool(self.__server and (ask(uri, "getPid") if uri else ask_node(self.__server, "getPid")))
+        for connection in topic and topic.connections or ():  # its address is here: the master may be gone
+            with contextlib.suppress(*NO_ANSWER):
+                if ask(connection.endpoint_id, "getPid"):
+                    return True
         return False
 
     def __end_goal(self, deadline: float) -> None:
         """Without it, the server works on for nobody."""
-        with self.action_client.manager.list_mutex:  # either send_goal is running, or it sends nothing from now on
-            self.__shutting_down = True
-            goal = self.__goal()
-        if goal:
+        goal = self.__goal()  # also one that is just being sent
+        if goal and not goal.in_hook:  # what a hook sends, such as to park an arm, is to be done
             goal.cancel()
             while goal.simple_state != SimpleGoalState.DONE and time.monotonic() < deadline:
                 time.sleep(0.01)
@@ -344,8 +324,8 @@ class _Goal(CommStateMachine):
     """What the library knows of a goal that was sent, and what we know of it: what was made a CommStateMachine, for the
     library knows no other class, becomes one of these before any answer gets to it."""
 
-    def begin(self, topic: str) -> None:
-        self.topic = topic  # of its result
+    def begin(self, topic: str, in_hook: bool) -> None:
+        self.topic, self.in_hook = topic, in_hook  # the topic of its result; whether a hook of on_shutdown has sent it
         self.simple_state = SimpleGoalState.PENDING
         self.is_over = False  # DONE, and done_cb has run
         self.why = ""  # the server has given it no ending

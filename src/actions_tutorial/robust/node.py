@@ -14,7 +14,7 @@ import rosgraph
 import rospy
 
 from . import log, peers, stdout
-from .internals import CannotStart, cannot_start, need, why
+from .internals import NO_ANSWER, CannotStart, ask, cannot_start, need, why
 from .parameters import check_arguments, get_params
 from .shutdown import Closer
 
@@ -57,7 +57,6 @@ def init_node(name: str, argv: Optional[List[str]] = None, anonymous: bool = Fal
         log.ask_the_master_once()
         stdout.take_over(closer.close)
         peers.serve_all_peers()
-        closer.is_up()
         with _exit_status_2():
             return get_params(parameters)
     except BaseException as error:
@@ -78,7 +77,7 @@ def wait_for(what, is_there, timeout=0):
         if rospy.is_shutdown() or (timeout and now - begun >= timeout):
             return False
         if now >= say_next:
-            rospy.logwarn("waiting for the %s, %.0f s so far", what, now - begun)
+            rospy.logwarn("waiting for the %s, %.0f s so far", what, say_next - begun)
             say_next += 5
         time.sleep(0.02)
     return True
@@ -97,7 +96,7 @@ def _check(name, arguments, usage, parameters):
         values = get_params(parameters)
     # Without it, what is wrong is said in words such as "too many values to unpack".
     for argument in arguments:
-        if argument.count(":=") > 1:
+        if argument.count(":=") > 1 and rosgraph.names.is_legal_remap(argument):
             raise cannot_start("the argument is %r, must be NAME:=VALUE" % argument)
     uri = rosgraph.get_master_uri()
     with contextlib.suppress(ValueError):  # of the port
@@ -107,41 +106,13 @@ def _check(name, arguments, usage, parameters):
     raise cannot_start("ROS_MASTER_URI is %r, must be like http://localhost:11311" % uri)
 
 
-def asking(question):
-    """Returns is_there() for wait_for(): whether the answer to question() (bool) is yes. It is asked in a thread, one
-    at a time, for it may take for ever; a late answer counts for a second. What it raises, is_there() raises."""
-    thread, answer, answered, error = None, False, 0.0, None
-
-    def ask():
-        nonlocal answer, answered, error
-        try:
-            answer, answered = question(), time.monotonic()
-        except Exception as raised:
-            error = raised
-
-    def is_there():
-        nonlocal thread, answer, error
-        mine = thread
-        if not mine:
-            answer, error = False, None
-            mine = threading.Thread(target=ask, daemon=True)
-            mine.start()
-            thread = mine  # not before: another thread that calls this cannot join one that has not started
-        mine.join(0.02)
-        if mine.is_alive():
-            return False
-        thread = None
-        if error:
-            raise error
-        return answer and time.monotonic() - answered < 1
-
-    return is_there
-
-
 def _wait_for_master(uri, timeout):
-    """Without it, rospy waits for ever, and says so on stdout; and a master that is frozen, or behind a firewall that
-    drops packets, holds up the main thread even so: rosgraph.is_master_online has no time-out."""
-    if not wait_for("master " + uri, asking(rosgraph.is_master_online), timeout):
+    """Without it, rospy waits for ever, and says so on stdout."""
+    def is_there():
+        with contextlib.suppress(*NO_ANSWER):  # one that is frozen, or behind a firewall that drops packets, has none
+            return ask(uri, "getPid")
+
+    if not wait_for("master " + uri, is_there, timeout):
         raise cannot_start("interrupted while waiting for the master %s" % uri if rospy.is_shutdown() else
                            "no master %s within %g s (~server_timeout)" % (uri, timeout))
 
