@@ -162,11 +162,11 @@ class Units(unittest.TestCase):
         with self.assertRaisesRegex(rospy.ROSInitException, "^rospy .* has no rospy.core.nothing, which robust needs"):
             internals.need("rospy", rospy, "core.is_initialized", "core.nothing")
 
-    def test_get_param_in_rospys_place_takes_any_number(self):
-        with mock.patch.object(rospy, "get_param", robust.get_param), arguments("_n:=0.5"):
-            self.assertEqual(0.5, rospy.get_param("~n", 7))
-            with self.assertRaisesRegex(ValueError, "must be true or false"):
-                rospy.get_param("~n", True)
+    def test_get_param_in_rospys_place_checks_limits_only(self):
+        with mock.patch.object(rospy, "get_param", robust.get_param), arguments("_n:=115200"):
+            self.assertEqual(115200, rospy.get_param("~n", "9600"))  # which the program makes an int of
+            with self.assertRaisesRegex(ValueError, "must be a whole number to 9"):
+                robust.get_param("~n", 7, highest=9)
 
     def test_import_touches_no_signal_where_ctrl_c_is_not_pythons_own_or_others_may_be_using_it(self):
         for before, how in (("signal.signal(signal.SIGINT, print)", "load()"), ("sys.ps1 = ''", "load()"),
@@ -202,7 +202,7 @@ class Units(unittest.TestCase):
         self.assertEqual([], said)  # of files that stay open
         with arguments("--help"), contextlib.redirect_stdout(io.StringIO()), self.assertRaises(SystemExit):
             robust.init_node("node", usage="how to")
-        self.assertEqual((before, added.mock_calls, 0), (process(), removed.mock_calls, len(shutdown.unfinished)))
+        self.assertEqual((before, added.mock_calls), (process(), removed.mock_calls))
         eventually(lambda: not any(isinstance(one, shutdown.Closer) for one in threading.enumerate()), "its end")
 
     def test_signals_that_nobody_gets_round_to_are_no_error(self):
@@ -423,23 +423,16 @@ class Units(unittest.TestCase):
             sources.removeHandler(handler)
         self.assertEqual("cannot log to /dev/null: it is full\n", complaints.getvalue())
 
-    def test_log_s_own_stream_has_the_encoding_of_stdout_and_leaves_it_open(self):
-        with mock.patch.object(sys, "__stdout__", io.TextIOWrapper(io.BytesIO(), "latin-1")):
-            own = log._own(sys.__stdout__)
-        self.assertEqual(("latin-1", "backslashreplace", True), (own.encoding, own.errors, own.write_through))
-        own.close()
-        os.fstat(1)
+    def test_log_s_own_stream_has_the_encoding_of_pythons_and_leaves_that_open(self):
+        for name, number in ("__stdout__", 1), ("__stderr__", 2):
+            with mock.patch.object(sys, name, io.TextIOWrapper(io.BytesIO(), "latin-1")) as stream:
+                own = log._own(stream)
+            self.assertEqual(("latin-1", "backslashreplace", True, number),
+                             (own.encoding, own.errors, own.write_through, own.fileno()))
+            own.close()
+            os.fstat(number)
 
-    def test_long_line_goes_whole_to_a_pipe_that_is_not_to_wait_and_one_that_may_not_fit_goes_by_the_thread(self):
-        reader, writer = os.pipe()
-        os.set_blocking(writer, False)
-        is_full = threading.Event()
-        with ThreadPoolExecutor(1) as thread, open(reader, "rb") as pipe, \
-                mock.patch.object(log, "select", mock.Mock(select=lambda *_: is_full.set())):
-            read = thread.submit(lambda: is_full.wait(30) and pipe.read())
-            with log._Whole(writer, "w") as own:
-                written = own.write(b"x" * 300000)
-            self.assertEqual((300000, 300000), (written, len(read.result())))
+    def test_line_that_may_not_fit_into_a_pipe_goes_by_the_thread(self):
         handler, sizes = mock.Mock(), []
         with mock.patch.object(log, "_write_at_once", lambda stream, size, write: sizes.append(size < log.AT_ONCE)):
             for name, value in ("msg", "a bowl"), ("msg", "\u4e8c" * 1000), ("stack_info", "here\n" * 400), \
@@ -486,20 +479,6 @@ class Units(unittest.TestCase):
         threading.Thread(target=log_and_be_interrupted, daemon=True).start()
         eventually(lambda: said.count("the program's") == len(steps), "a line for each step")
 
-    def test_thread_that_writes_to_a_terminal_ends_after_a_while_and_begins_anew_for_what_comes_meanwhile(self):
-        def acquire(timeout):
-            step = next(steps)
-            if step == 1:
-                caller.append(lambda: said.append("meanwhile"))
-            return step != 1 and real.acquire(timeout=timeout)
-
-        caller, said, steps, before = log._Caller(0, 0.01), [], itertools.count(), threading.active_count()
-        real, caller._news = caller._news, mock.Mock(acquire=acquire, release=caller._news.release)
-        for word in "first", "later":
-            self.assertTrue(caller.call(functools.partial(said.append, word)))
-            eventually(lambda: not caller and threading.active_count() == before, "its end")
-        self.assertEqual(["first", "meanwhile", "later"], said)
-
     def test_flush_waits_for_the_lines_so_far_and_the_end_of_a_node_flushes(self):
         said = self.logged()
         with closer() as one, mock.patch.object(shutdown, "CLOSED_WITHIN", 0):
@@ -510,10 +489,6 @@ class Units(unittest.TestCase):
             one._begun = time.monotonic()
             one._finish()
             self.assertIs(rospy.signal_shutdown, rospy.core.signal_shutdown, "who would end the node once more")
-            with mock.patch.object(one, "close") as told:
-                one._closed.set()
-                one._finish()
-            told.assert_not_called()
         self.assertEqual(["first", "second", "third"], said)
 
     def test_end_of_a_node_wakes_each_rate_and_comes_after_the_hooks_of_the_program(self):
@@ -521,37 +496,31 @@ class Units(unittest.TestCase):
                 mock.patch.object(rospy, "on_shutdown"), mock.patch.dict(rospy.core._xmlrpc_cache), \
                 mock.patch.object(rospy.core, "_shutdown_hooks", []) as hooks:
             shutdown.at_end(self.id)
-            one.is_up()
             rospy.core.add_shutdown_hook(lambda _: self.assertFalse(one._closed.is_set()))
             one._begin()
-            one.is_up()  # if it was told to end while it started
             for hook in hooks:
                 hook("why")
             self.assertTrue(one._closed.is_set())
-        self.assertEqual((1, 4), (wake.call_count, len(hooks)))
+        self.assertEqual((1, 3), (wake.call_count, len(hooks)))
 
-    def test_hooks_at_the_end_of_a_program_may_exit_and_a_handler_that_interrupts_them_waits_for_nothing(self):
+    def test_hooks_at_the_end_of_a_program_run_in_its_thread_and_a_handler_that_interrupts_them_waits_for_nothing(self):
         def run_hooks(_):
-            ran_in.append(threading.current_thread())
-            one._begin()
-            if ran_in[-1] is threading.main_thread():
+            if not ran_in:  # as rospy's
+                ran_in.append(threading.current_thread())
+                one._begin()
                 os.kill(os.getpid(), signal.SIGTERM)
-            sys.exit()
+                one._closed.set()
 
         ran_in, handled = [], mock.Mock()
         self.addCleanup(signal.signal, signal.SIGTERM, signal.signal(signal.SIGTERM, handled))
-        patience = threading.Timer(20, lambda: one._closed.set())
-        self.addCleanup(patience.cancel)
-        patience.start()
-        refused = mock.patch.object(threading.Thread, "start", side_effect=RuntimeError)  # as Python 3.12.1 does then
-        for no_thread in contextlib.nullcontext(), refused:
-            with closer() as one, no_thread, mock.patch.object(rospy, "signal_shutdown", run_hooks), \
-                    mock.patch.object(shutdown, "_end_all_goals"), mock.patch.dict(rospy.core._xmlrpc_cache):
-                begun = time.monotonic()
-                one._finish()
-                self.assertLess(time.monotonic() - begun, shutdown.CLOSED_WITHIN, "s")
+        with closer() as one, mock.patch.object(rospy, "signal_shutdown", run_hooks), \
+                mock.patch.object(shutdown, "hooks_thread", None), mock.patch.object(shutdown.Closer, "ident", 1), \
+                mock.patch.object(rospy.core, "_shutdown_hooks", []), mock.patch.dict(rospy.core._xmlrpc_cache):
+            begun = time.monotonic()
+            one._finish()
+            self.assertLess(time.monotonic() - begun, shutdown.CLOSED_WITHIN, "s")
         handled.assert_called_once()
-        self.assertEqual([False, True], [each is threading.main_thread() for each in ran_in])
+        self.assertEqual([threading.main_thread()], ran_in)
 
     def test_line_on_a_goal_that_another_thread_has_just_taken_is_no_error(self):
         with mock.patch.object(log, "_soon", mock.MagicMock(popleft=mock.Mock(side_effect=IndexError))):
@@ -694,8 +663,7 @@ class Units(unittest.TestCase):
 
     def test_client_whose_topics_are_closed_while_it_starts_says_that_it_was_interrupted(self):
         closed = rospy.ROSException("subscriber has been closed")
-        with mock.patch.object(client, "get_params"), \
-                mock.patch.object(actionlib.SimpleActionClient, "__init__", side_effect=closed):
+        with mock.patch.object(actionlib.SimpleActionClient, "__init__", side_effect=closed):
             for shutting_down, words in (False, "subscriber has been closed"), (True, "interrupted"):
                 with mock.patch.object(rospy.core, "_in_shutdown", shutting_down), self.assertRaisesRegex(
                         rospy.ROSInitException, "^the client of /work cannot start: %s$" % words):
@@ -722,29 +690,20 @@ class Units(unittest.TestCase):
                 (0, ago, True), (unnamed, ago, True), ([(1, "http://me", "i", "TCPROS", "/result")], ago, False)):
             asked._SimpleActionClient__registered = registered
             with mock.patch.object(client, "ask_node", return_value=connections):
-                self.assertEqual(is_there, robust.SimpleActionClient._SimpleActionClient__ask_server(asked))
-        asked.action_client.last_status_msg = None  # since the watcher gave the server up
-        self.assertFalse(robust.SimpleActionClient._SimpleActionClient__ask_server(asked))
-        with mock.patch.object(rospy, "get_rostime"):
-            robust.SimpleActionClient.wait_for_server(asked, -1)
-        asked._SimpleActionClient__is_connected.assert_not_called()  # a question costs a thread
+                self.assertEqual(is_there, robust.SimpleActionClient._SimpleActionClient__is_connected(asked))
+        asked._SimpleActionClient__silent = asked.action_client.last_status_msg  # since the server is lost
+        self.assertFalse(robust.SimpleActionClient._SimpleActionClient__is_connected(asked))
 
-    def test_server_lives_if_its_node_answers_where_our_connection_goes_without_the_master_or_where_that_says(self):
-        asked, header = mock.MagicMock(), {"callerid": "/server"}
-        asked.action_client.last_status_msg._connection_header = header
-        others, ours = mock.Mock(callerid_pub="/other"), mock.Mock(callerid_pub="/server", endpoint_id="uri")
+    def test_server_lives_if_its_node_answers_at_the_other_end_of_a_connection(self):
+        asked, uris = mock.MagicMock(), [mock.Mock(endpoint_id=uri) for uri in ("gone", "lives")]
         lives = robust.SimpleActionClient._SimpleActionClient__server_lives
-        with mock.patch.object(client, "ask", return_value=1) as ask, \
-                mock.patch.object(client, "ask_node", side_effect=[1, OSError, OSError, 1]) as ask_node:
-            for connections, answer in ([others, ours], True), ([others], True), ([], False), (None, False):
-                asked.action_client.status_sub.impl.connections = connections
-                self.assertEqual(answer, lives(asked), connections)
-            asked.action_client.last_status_msg = None  # a second try after a time-out asks the server of the first
-            self.assertTrue(lives(asked))
-            asked._SimpleActionClient__server = ""  # and nobody if there was none
-            self.assertFalse(lives(asked))
-        ask.assert_called_once_with("uri", "getPid")
-        self.assertEqual(4, ask_node.call_count)
+        for connections, answers in (uris, True), (uris[:1], False), ([], False), (None, False):
+            asked.action_client.status_sub.impl.connections = connections
+            with mock.patch.object(client, "ask", side_effect=[OSError, 1]) as ask:
+                self.assertEqual(answers, lives(asked), connections)
+        self.assertFalse(ask.called)
+        asked.action_client.status_sub.impl = None  # of a client that was stopped
+        self.assertFalse(lives(asked))
 
     def test_wait_for_a_server_before_init_node_does_not_begin(self):
         with self.assertRaisesRegex(rospy.ROSInitException, "init_node"):
@@ -756,7 +715,7 @@ class Units(unittest.TestCase):
         sent.goal_id.id = result.status.goal_id.id = "id"
         result.status.status = GoalStatus.SUCCEEDED
         goal = client._Goal(sent, told, None, None, send_cancel)
-        goal.begin("/result")
+        goal.begin("/result", False)
         return goal, result
 
     def test_goal_that_is_lost_while_its_result_comes_or_while_a_callback_takes_its_time_has_one_ending(self):
@@ -781,33 +740,6 @@ class Units(unittest.TestCase):
             goal.update_feedback(TestActionFeedback(status=result.status))
         self.assertEqual(1, ended.feedback_cb.call_count, "feedback of a goal that is LOST, or none of one that ended")
         self.assertEqual((GoalStatus.SUCCEEDED, ""), (ended.latest_goal_status.status, ended.why))
-
-    def test_question_is_asked_again_that_raised_or_was_answered_more_than_a_second_ago(self):
-        now, go_on, answers, before = [0], threading.Event(), [True, True], threading.active_count()
-        is_there = node.asking(lambda: go_on.wait(30) and answers.pop())
-        with mock.patch.object(node, "time", mock.Mock(monotonic=lambda: now[0])):
-            self.assertFalse(is_there())
-            go_on.set()
-            eventually(lambda: threading.active_count() == before, "an answer")
-            now[0] = 1.5
-            self.assertFalse(is_there())
-            eventually(is_there, "a new answer")
-            with self.assertRaises(IndexError):
-                eventually(is_there, "an error")
-            answers.append(True)
-            eventually(is_there, "an answer")
-
-    def test_question_that_two_threads_ask_at_once_is_answered_for_both(self):
-        class Late(threading.Thread):
-            def start(self):
-                if not others:
-                    others.append(self)
-                    thread.submit(eventually, is_there, "an answer").result()
-                super().start()
-
-        others, is_there = [], node.asking(lambda: True)
-        with ThreadPoolExecutor(1) as thread, mock.patch.object(node, "threading", mock.Mock(Thread=Late)):
-            eventually(is_there, "an answer")
 
     def peers_server(self, connection_handler=None):
         """Returns rospy's server for peers, a new one, mended; and a function that connects to it and sends bytes."""
@@ -834,24 +766,6 @@ class Units(unittest.TestCase):
         self.assertTrue(os.get_blocking(server.server_sock.fileno()))
         server.shutdown()
         server.run()
-
-    def test_thread_that_stands_in_for_rospys_ends_with_the_socket_and_when_that_one_accepts(self):
-        for end in (lambda one, _: one.shutdown()), (lambda _, connect: connect().close()):
-            before = set(threading.enumerate())
-            with mock.patch.object(threading, "excepthook") as complaint:
-                end(*self.peers_server())
-                eventually(lambda: len(set(threading.enumerate()) - before) == 1, "no thread but rospy's own")
-            complaint.assert_not_called()
-
-    def test_peers_are_accepted_in_their_order(self):
-        server, connect = self.peers_server()
-        came, handle = [], server.inbound_handler
-        server.inbound_handler = lambda peer, address: came.append(address[1]) or handle(peer, address)
-        for _ in range(100):
-            ports = [peer.getsockname()[1] for peer in (connect(), connect(), connect())]
-            eventually(lambda: len(came) == 3, "three peers", pause=0.001)
-            self.assertEqual(ports, came)
-            del came[:]
 
     def test_peers_are_connected_and_their_locks_looked_up_one_after_the_other(self):
         def alone(*_):
@@ -951,21 +865,6 @@ class Units(unittest.TestCase):
             setattr(one.action_server, topic, mock.Mock())
         return one
 
-    def test_loop_of_a_server_that_needs_to_terminate_does_not_wait(self):
-        asked = mock.MagicMock(is_new_goal_available=lambda: False, new_goal=False)
-        type(asked).need_to_terminate = mock.PropertyMock(side_effect=[False, True, True])
-        robust.SimpleActionServer.executeLoop(asked)
-        asked.execute_condition.wait.assert_not_called()
-
-    def test_cancel_of_goals_up_to_a_time_on_a_clock_that_was_set_back_counts_at_once(self):
-        one = server._ActionServer.__new__(server._ActionServer)
-        one.lock, one.started, one.status_list, one._unshown = threading.RLock(), True, [], []
-        one._put_off = one._later = False
-        one.last_cancel = one._latest = rospy.Time(1000)
-        with mock.patch.object(rospy.Time, "now", return_value=rospy.Time(10)):
-            one.internal_cancel_callback(GoalID(stamp=rospy.Time(5)))
-        self.assertEqual(rospy.Time(5), one.last_cancel)
-
     def test_goals_without_an_ending_are_those_that_came_and_wait_or_run(self):
         one = server._ActionServer.__new__(server._ActionServer)
         one.status_list = [mock.Mock(status=GoalStatus(status=state)) for state in range(10)]
@@ -1003,10 +902,11 @@ class Units(unittest.TestCase):
             self.assertIs(asked, server._servers["/action"])
 
     def test_goal_that_waits_while_the_node_ends_is_recalled_and_not_taken_up(self):
-        asked = mock.MagicMock(preempt_callback=None)
-        robust.SimpleActionServer._SimpleActionServer__ask_to_stop(asked)
-        asked.next_goal.set_canceled.assert_called_once()
-        self.assertFalse(asked.new_goal)
+        for state, is_recalled in (GoalStatus.PENDING, True), (GoalStatus.REJECTED, False):
+            asked = mock.MagicMock(preempt_callback=None)
+            asked.next_goal.get_goal_status().status = state  # the program may have ended it in its goal callback
+            robust.SimpleActionServer._SimpleActionServer__ask_to_stop(asked)
+            self.assertEqual((is_recalled, False), (asked.next_goal.set_canceled.called, asked.new_goal))
 
     def test_goal_that_is_accepted_takes_over_from_one_that_runs_only(self):
         one = robust.SimpleActionServer("work", TestAction, auto_start=False)

@@ -7,6 +7,7 @@ import math
 import sys
 from typing import Any, Optional
 
+import rosgraph
 import rospy
 import yaml
 
@@ -31,10 +32,9 @@ def get_param(param_name: str, default: Any = _UNSPECIFIED, *, lowest: Optional[
         return given[param_name] if own and not started else _rospy_get_param(param_name)
     value = given.get(param_name, default) if own and not started else _rospy_get_param(param_name, default)
     kind = type(default)
-    if kind not in _KINDS:
+    in_rospys_place = rospy.get_param is get_param and lowest is highest is None  # programs written for rospy convert
+    if kind not in _KINDS or in_rospys_place:
         return value
-    if rospy.get_param is get_param and kind is int and isinstance(value, float):
-        return value  # in rospy's place: a program that was written for rospy may mean any number
     right = isinstance(value, (int, float) if kind is float else kind) and isinstance(value, bool) == (kind is bool)
     if right and (lowest is None or lowest <= value < math.inf) and (highest is None or -math.inf < value <= highest):
         with contextlib.suppress(OverflowError):  # of a whole number that no float holds
@@ -62,7 +62,7 @@ def check_arguments(arguments, known):
     knows. Without it, ROS takes a misspelt parameter, and `name:=3` for a topic that is renamed to 3."""
     for argument in arguments:
         name, _, value = argument.partition(":=")
-        if ":=" in value or not name or not value:
+        if ":=" in value or not value or not rosgraph.names.is_legal_remap(argument):
             raise ValueError("unknown argument %r, must be --help or set one of the parameters %s, as in _%s:=VALUE" % (
                 argument, ", ".join(known), (known or ["~NAME"])[0][1:]))
         if name[0] == "_" and name[1:2] != "_" and "~" + name[1:] not in known:

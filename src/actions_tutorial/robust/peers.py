@@ -2,7 +2,6 @@
 """Peers that connect and stay silent, or many at once: the next peer is served all the same."""
 import contextlib
 import functools
-import select
 import socket
 import threading
 import time
@@ -13,7 +12,6 @@ from rospy.impl import registration, tcpros_base
 
 from .internals import cannot_start, need
 
-ACCEPTS_WITHIN = 1  # s that rospy's thread may leave a peer waiting; longer, it reads from one that is silent
 SPEAKS_WITHIN = 10  # s that a peer may take to send its first byte
 ANSWERS_WITHIN = 2  # s that a peer may take before others are served as well
 
@@ -76,7 +74,7 @@ def _read_side_by_side():
     server, connect, turn = tcpros.tcp_ros_server, tcpros.topic_connection_handler, threading.Lock()
     if getattr(connect, "func", None) is _in_turn:
         return
-    handle, came = server.inbound_handler, threading.Event()
+    handle = server.inbound_handler
 
     def wait_and_handle(connection, address):
         connection.settimeout(SPEAKS_WITHIN)
@@ -87,28 +85,15 @@ def _read_side_by_side():
         connection.close()
 
     def handle_side_by_side(*peer):
-        came.set()
         try:
             threading.Thread(target=wait_and_handle, args=peer, daemon=True).start()
         except RuntimeError:  # out of threads; it would end the one that accepts
             peer[0].close()
 
-    def stand_in():
-        """Accept peers if rospy's thread does not: it may be reading from a silent one. Not both, for then a peer can
-        overtake the one before, which of two connections of a node to a topic is to be dropped."""
-        waiting = select.poll()
-        with contextlib.suppress(ValueError):  # closed, because the node ends
-            while not came.is_set():
-                waiting.register(server.server_sock, select.POLLIN)
-                # With a time-out: the number may be another file's by now, whose end nobody hears while this waits.
-                if waiting.poll(ACCEPTS_WITHIN * 1000) and not came.wait(ACCEPTS_WITHIN):
-                    server.run()
-
     server.inbound_handler = handle_side_by_side
     # Without it, a peer's first messages are lost now and then: rospy tells it that it is connected and then writes
     # that down (rospy/impl/tcpros_pubsub.py, topic_connection_handler), which takes long side by side.
     tcpros.topic_connection_handler = functools.partial(_in_turn, turn, connect)
-    threading.Thread(target=stand_in, daemon=True).start()
 
 
 def _update(listener, update, topic, uris):

@@ -20,7 +20,7 @@ import actionlib
 import genpy
 import rosgraph
 import rospy
-from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
+from actionlib_msgs.msg import GoalStatus, GoalStatusArray
 
 from . import log, peers, rate, shutdown
 from .internals import NO_ANSWER, ask, ask_node, cannot_start, clear, name_of, need
@@ -140,7 +140,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         else:
             why = "a newer goal came" if self.new_goal else \
                 "cancelled" if self.preempt_request else "the server stopped it unasked"
-            self.__end(super().set_preempted, result, text or why)
+            self.__end(super().set_preempted, result, text or why, at_once=True)
 
     def publish_feedback(self, feedback: genpy.Message) -> None:
         """Send feedback for the goal; after the server's end, nothing."""
@@ -156,9 +156,9 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             goal.set_canceled(None, SHUTTING_DOWN)
             return
         with self.lock:
-            if not self.is_active():
+            if self.current_goal.goal and not self.is_active():
                 # Without it, nobody is served any more after one stamp from the future: theirs are older.
-                self.current_goal.__class__ = _Ended  # next_goal, too, is this object if none waits
+                self.current_goal.get_goal_id().stamp = rospy.Time()  # next_goal's, too, if none waits
         try:
             super().internal_goal_callback(goal)
         except BaseException:  # actionlib keeps its lock after sys.exit and after an error without words
@@ -175,7 +175,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 self.__execute(self.accept_new_goal())
                 continue
             with self.execute_condition:
-                if came or not self.new_goal and not self.need_to_terminate:
+                if came or not self.new_goal:
                     self.execute_condition.wait(0.1)  # as actionlib's: not whatever it waits for notifies
 
     def __execute(self, goal):
@@ -201,9 +201,9 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             self.action_server.publish_status()
             log.catch_up()
 
-    def __end(self, set_state, result, text):
+    def __end(self, set_state, result, text, at_once=False):
         goal = self.current_goal
-        if set_state.__name__ != "set_preempted":
+        if not at_once:
             # The result would now and then overtake the last feedback, which actionlib's client then drops.
             time.sleep(max(0, self.__fed_back + FEEDBACK_HEAD_START - time.monotonic()))
         with self.action_server.lock:
@@ -212,7 +212,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             was_active = self.is_active()
             with self.action_server.status_later(threading.current_thread() is self.execute_thread):
                 set_state(result, _sendable(text))
-            status = self.current_goal.get_goal_status()
+            status = was_active and self.current_goal.get_goal_status()
         if was_active:
             self.__log(lambda: "%s: goal %s: %s" % (self.__name, name_of(status.status), log.printable(status.text)))
 
@@ -236,15 +236,13 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             rospy.logwarn("%s: the server ended goals that did not stop within %g s", self.__name,
                           shutdown.GOALS_END_WITHIN)
         self.need_to_terminate = True  # the thread of execute_cb ends
-        if self.lock.acquire(timeout=0.1):
-            self.execute_condition.notify_all()
-            self.lock.release()
 
     def __ask_to_stop(self):
         with self.action_server.lock, self.lock:
-            if self.new_goal:
-                self.new_goal = False
+            # The program may have ended it in its goal callback.
+            if self.new_goal and self.next_goal.get_goal_status().status in _RECALLABLE:
                 self.next_goal.set_canceled(None, SHUTTING_DOWN)
+            self.new_goal = False
             if self.preempt_callback and self.is_active():
                 self.preempt_callback()
 
@@ -264,13 +262,6 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                           ", ".join(sorted(others)))
 
 
-class _Ended(actionlib.ServerGoalHandle):
-    """A goal that has ended, with the oldest stamp there is: no newer one is refused for being older."""
-
-    def get_goal_id(self):
-        return GoalID(id=super().get_goal_id().id)
-
-
 class _ActionServer(actionlib.ActionServer):
     """Sends what a client waits for before the status of it, and forgets no goal before a status has shown its end."""
 
@@ -281,7 +272,6 @@ class _ActionServer(actionlib.ActionServer):
     def __init__(self, begin, stopped, *args, **options):
         self._begin, self._stopped = begin, stopped
         self._later = False  # whether a status has to wait
-        self._put_off = False  # whether one waits
         self._unshown = []  # StatusTrackers of goals that have ended
         self._latest = rospy.Time()  # by which a clock that was set back is known
         super().__init__(*args, **options)
@@ -305,12 +295,9 @@ class _ActionServer(actionlib.ActionServer):
         """Without it, a parameter of a wrong type is a TypeError that names no parameter."""
         rate.Rate(1, bool)  # a rospy that lacks what we need fails now, not in the middle of a goal
         peers.serve_all_peers()
-        ns = rospy.remap_name(self.ns)
         frequency = rospy.search_param("actionlib_status_frequency") or "actionlib_status_frequency"
         hertz = 5.0, 0.1, 100  # fewer are no heartbeat, more keep a core busy
-        get_params({"actionlib_server_pub_queue_size": (50, None, None), ns + "/status_frequency": hertz,
-                    "actionlib_server_sub_queue_size": (-1, None, None), frequency: hertz,
-                    ns + "/status_list_timeout": (5.0, 0, 1e6)})
+        get_params({rospy.remap_name(self.ns) + "/status_frequency": hertz, frequency: hertz})
         self.status_timer = None  # or that of an earlier start
         super().initialize()
         need("actionlib", self, "status_timer", "_frequency", "started", "lock", "status_list", "last_cancel",
@@ -320,7 +307,6 @@ class _ActionServer(actionlib.ActionServer):
 
     def publish_status(self):
         with self.lock:
-            self._put_off = self._later
             if self._later or not self.started:
                 return
             shown, self._unshown = self._unshown, []
@@ -376,9 +362,9 @@ class _ActionServer(actionlib.ActionServer):
                 late = GoalStatus(goal.goal_id, GoalStatus.RECALLED, SHUTTING_DOWN)
                 self._send(self.result_pub, self.ActionResult(status=late, result=self.ActionResultType()))
                 return self._send(self.status_pub, GoalStatusArray(status_list=[late]))
+            is_ignored = any(tracker.goal and tracker.status.goal_id.id == goal.goal_id.id
+                             for tracker in self.status_list)
             super().internal_goal_callback(goal)
-            is_ignored = not any(tracker.goal is goal for tracker in reversed(self.status_list)) and any(
-                tracker.goal and tracker.status.goal_id.id == goal.goal_id.id for tracker in self.status_list)
         rate.wake()  # the goal that runs has to stop for this one
         if is_ignored:
             rospy.logwarn("%s: goal ignored: its id %.60r is that of a recent goal", rospy.resolve_name(self.ns),
@@ -387,16 +373,11 @@ class _ActionServer(actionlib.ActionServer):
     def internal_cancel_callback(self, goal_id):
         try:
             with self.status_later():
-                self._look_at_the_clock()
                 super().internal_cancel_callback(goal_id)
         finally:  # a callback of the program's may raise
             rate.wake()
-            # Without it, whoever waits for PREEMPTING waits for the heartbeat, on the ROS clock.
-            until, ended = time.monotonic() + HEAD_START, bool(self._unshown)  # by a callback for preempts
-            while self._put_off and not self._unshown and time.monotonic() < until:
-                time.sleep(0.001)
-            if self._put_off and (ended or not self._unshown):  # else whoever ends it shows it
-                self.publish_status()
+            time.sleep(HEAD_START)
+            self.publish_status()  # else whoever waits for PREEMPTING waits for the heartbeat, on the ROS clock
 
     def unended(self):
         """Returns the trackers of goals that have no ending yet. Takes no lock."""
