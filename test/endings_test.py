@@ -9,9 +9,7 @@ import statistics
 import sys
 import threading
 import time
-import tracemalloc
 import xmlrpc.client
-import xmlrpc.server
 from unittest import mock
 
 import rosgraph
@@ -20,14 +18,13 @@ import rostest
 from actionlib.msg import TestRequestActionGoal
 from actionlib_msgs.msg import GoalStatusArray
 from rosgraph.network import encode_ros_handshake_header
-from rospy.impl.registration import get_registration_listeners
 from std_msgs.msg import Empty
 
 from raw_client import ABORTED, ACTIVE, PREEMPTED, PREEMPTING, RECALLED, SUCCEEDED, RawClient
 from actions_tutorial import robust
 from scenes import SLACK, NodeCase, Scene, check_quiet, concurrently
 from guest_servers import WAYS, Guest, in_a_thread, polite
-from processes import PACKAGE, bound_socket, bowls, eventually
+from processes import PACKAGE, bowls, eventually
 
 GUEST = os.path.join(PACKAGE, "test", "guest_servers.py")
 SHUTTING_DOWN = "the server is shutting down"
@@ -260,35 +257,6 @@ class Endings(NodeCase):
                 self.assertTrue(select.select([peer], [], [], 5)[0], "expected the connection closed by %s" % server)
         client = scene.client(1)
         self.assertEqual(0, client.wait(), client)
-
-    def test_client_that_went_without_a_word_and_comes_back_at_its_port_is_connected_within_seconds(self, scene):
-        scene.server(GUEST, "polite")
-        asked, bound, goals = [], bound_socket(), scene.action + "goal"
-        self.addCleanup(bound.close)
-        address = bound.getsockname()
-        silent = socket.create_server(address)
-        silent.settimeout(30)
-        uri = "http://localhost:%d/" % address[1]
-        api(scene).publisherUpdate("/master", goals, [uri])
-        kept, _ = silent.accept()  # on which the server now waits for an answer, for 60 s
-        silent.close()
-        with kept, xmlrpc.server.SimpleXMLRPCServer(address, logRequests=False) as back:
-            back.timeout = 3 + SLACK
-            back.register_function(lambda *call: asked.append(call) or [0, "no", []], "requestTopic")
-            api(scene).publisherUpdate("/master", goals, [uri])
-            back.handle_request()
-        self.assertEqual(1, len(asked), "requests at the port of %s" % uri)
-
-    def test_peers_that_are_gone_leave_no_memory(self, scene):
-        Guest(scene.action[:-1], polite)
-        tracemalloc.start()
-        self.addCleanup(tracemalloc.stop)
-        connecting, = get_registration_listeners().listeners
-        for number in range(1000):  # as it does when the master names a peer; nobody listens at port 1
-            connecting._connect_topic_thread(scene.action + "goal", "http://localhost:1/%d" % number)
-        ours = tracemalloc.Filter(True, os.path.join(os.path.dirname(robust.__file__), "*"))
-        kept = sum(one.size for one in tracemalloc.take_snapshot().filter_traces([ours]).traces)
-        self.assertLess(kept, 50000, "bytes that robust keeps for 1000 peers")
 
     def test_goal_that_a_stop_ended_is_forgotten_by_the_server_that_is_started_again(self, scene):
         rospy.set_param(scene.action + "status_list_timeout", 0.1)

@@ -767,7 +767,7 @@ class Units(unittest.TestCase):
         server.shutdown()
         server.run()
 
-    def test_peers_are_connected_and_their_locks_looked_up_one_after_the_other(self):
+    def test_peers_are_connected_one_after_the_other_by_locks_that_are_looked_up_so_and_forgotten(self):
         def alone(*_):
             inside.append(1)
             most.append(len(inside))
@@ -780,11 +780,15 @@ class Units(unittest.TestCase):
         for _ in range(20):
             connect(encode_ros_handshake_header({"topic": "topic"}))
         eventually(lambda: len(most) == 20 and not inside, "20 connections")
+        one_at_a_time = peers._OneAtATime(alone)
+        with ThreadPoolExecutor(20) as threads:
+            threads.map(one_at_a_time, ["topic"] * 20, ["uri"] * 20)
+        self.assertEqual(0, len(one_at_a_time._locks))
         one_at_a_time = peers._OneAtATime(lambda *_: None)
         one_at_a_time._locks = mock.Mock(setdefault=alone)
         with ThreadPoolExecutor(20) as threads:
             threads.map(one_at_a_time, range(20), range(20))
-        self.assertEqual([1] * 40, most)
+        self.assertEqual([1] * 60, most)
 
     def test_publishers_of_a_topic_are_those_of_all_lists_that_have_come(self):
         listener = registration.RegManager(mock.Mock())
@@ -796,11 +800,16 @@ class Units(unittest.TestCase):
             listener.publisher_update("topic", uris)
         self.assertEqual([("another", ["elsewhere"]), ("topic", ["uri", "other"])], listener.updates)
         mended = listener.handler._connect_topic
+        self.assertIsInstance(mended, peers._OneAtATime)
         peers.serve_all_peers()
         self.assertIs(mended, listener.handler._connect_topic, "mended once")
 
     def test_peer_that_fails_leaves_the_lock_to_the_next_or_to_whom_it_has_waited_for_in_vain(self):
+        self.assertLessEqual(peers.ANSWERS_WITHIN, 2, "s for which one at the port of a lost peer would wait")
         lock = threading.Lock()
+        patience = threading.Timer(20, lock.release)
+        self.addCleanup(patience.cancel)
+        patience.start()
         for is_held in False, True:
             with mock.patch.object(peers, "ANSWERS_WITHIN", 0), self.assertRaises(OSError):
                 peers._in_turn(lock, mock.Mock(side_effect=OSError))
