@@ -2,7 +2,6 @@
 """Every goal gets one ending, with a text, whatever the program of its server does; the programs: guest_servers.py."""
 import os
 import re
-import select
 import signal
 import socket
 import statistics
@@ -247,16 +246,6 @@ class Endings(NodeCase):
         self.assertEqual("cancelled", scene.wait_result(goal_id).status.text, server)
         took = scene.times[goal_id, "result"] - scene.times[goal_id, "sent"]
         self.assertLess(took, 2, "s for five looks, each after 0.1 s, of %s" % server)
-
-    def test_server_that_lacks_threads_for_a_while_serves_those_who_come_later(self, scene):
-        server = scene.server(GUEST, "lacks_threads")
-        address = "localhost", peers_port(scene)
-        scene.wait_bowls(scene.send(5), 2)
-        for _ in range(3):
-            with socket.create_connection(address) as peer:
-                self.assertTrue(select.select([peer], [], [], 5)[0], "expected the connection closed by %s" % server)
-        client = scene.client(1)
-        self.assertEqual(0, client.wait(), client)
 
     def test_goal_that_a_stop_ended_is_forgotten_by_the_server_that_is_started_again(self, scene):
         rospy.set_param(scene.action + "status_list_timeout", 0.1)

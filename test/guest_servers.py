@@ -147,20 +147,6 @@ def dirty(*_):
     throw(RuntimeError(DIRTY))
 
 
-def lack_threads(server):
-    """The next three who want a thread get none."""
-    begin, failures = threading.Thread.start, iter(range(3))
-
-    def start(thread):
-        if next(failures, None) is not None:
-            raise RuntimeError("can't start new thread")
-        begin(thread)
-
-    threading.Thread.start = start
-    server.wash("bowl-1")
-    polite(server)
-
-
 def feed_wrongly(server):
     try:
         server.wash(5)
@@ -220,7 +206,6 @@ KINDS = {
     "hook_blocks": lambda name: rospy.on_shutdown(block) or Guest(name, polite),
     "own_names": lambda name: OwnNames(name, polite),
     "own_end": lambda name: OwnEnd(name, wait_for_stop),
-    "lacks_threads": lambda name: Guest(name, lack_threads),
     "with_silent_peers": with_silent_peers,
     "is_stopped": that_is_stopped,
     "is_started_often": lambda name: OwnStart(name, True),

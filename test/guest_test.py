@@ -398,21 +398,6 @@ threading.Event().wait()
                  "os.kill(rosgraph.Master('').getPid(), signal.SIGSTOP)\nsend('TERM')\nrospy.spin()\n",)):
             self.says(master, code + "sys.exit(7)", *lines, status=7, head=HEAD)
 
-    def test_program_that_ends_by_itself_where_python_starts_no_more_threads_is_not_held_up_by_a_callback(self, master):
-        """As Python 3.12 does not, once its main program has ended."""
-        self.says(master, """
-def lack_threads(_):
-    raise RuntimeError("can't start new thread")
-
-server, client = pair(None)
-server.register_goal_callback(server.accept_new_goal)
-server.register_preempt_callback(lambda: so(rospy.is_shutdown, 100))
-client.send_goal(TestGoal())
-so(server.is_active)
-threading.Thread.start = lack_threads
-sys.exit(7)
-""", status=7)
-
     def test_program_that_goes_on_after_its_node_keeps_its_time_its_processor_and_its_exit_status(self, master):
         self.says(master, "rospy.signal_shutdown('')\nbefore = time.process_time()\ntime.sleep(3)\n"
                           "sys.exit(7 if time.process_time() - before < 1 else 'a busy end')", status=7)

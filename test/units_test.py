@@ -271,6 +271,22 @@ class Units(unittest.TestCase):
         self.assertCountEqual([server, other], ended)
         self.assertTrue(shutdown.aside(print).daemon)  # one that never ends does not hold up the program's end
 
+    def test_where_no_thread_can_be_had_a_line_is_written_lines_are_bounded_goals_end_and_a_peer_is_let_go(self):
+        peer, write, asked, accepting = mock.Mock(), mock.Mock(), mock.MagicMock(), self.peers_server()[0]
+        asked.action_server.unended.return_value = []
+        with mock.patch.object(threading.Thread, "start", side_effect=RuntimeError), \
+                mock.patch.object(log, "_terminal", log._Caller(0)) as caller, mock.patch.object(log, "_is_terminal"):
+            log._write_at_once(io.StringIO(), 1, write)
+            self.assertEqual((1, 0), (write.call_count, len(caller)))
+            for _ in range(2 * log.WAITING):
+                caller.call(print)
+            accepting.inbound_handler(peer, None)
+            robust.SimpleActionServer._SimpleActionServer__shut_down(asked, 0)
+        self.assertEqual(log.WAITING, len(caller))
+        peer.close.assert_called_once()
+        asked.action_server.close.assert_called_once()
+        asked._SimpleActionServer__ask_to_stop.assert_not_called()  # a callback could hold up whoever calls it
+
     def test_exception_of_a_start_in_another_thread_ends_it_with_a_traceback(self):
         with ThreadPoolExecutor(1) as thread:
             self.assertNotIsInstance(thread.submit(internals.cannot_start, "").result(), SystemExit)
@@ -380,13 +396,6 @@ class Units(unittest.TestCase):
             self.assertTrue(log._takes_a_line(other))
             log._write_at_once(mock.Mock(spec=["write"], fileno=other.fileno), 1, write)  # without isatty
         self.assertEqual(4, write.call_count)
-
-    def test_line_for_a_terminal_is_written_here_where_no_thread_can_be_had(self):
-        with mock.patch.object(log, "_terminal", log._Caller(0)) as caller, mock.patch.object(log, "_is_terminal"), \
-                mock.patch.object(threading.Thread, "start", side_effect=RuntimeError):
-            write = mock.Mock()
-            log._write_at_once(io.StringIO(), 1, write)
-        self.assertEqual((1, 0), (write.call_count, len(caller)))
 
     def test_complaint_of_the_log_names_what_it_cannot_log_to_and_where_nobody_can_be_told_is_no_error(self):
         for stderr in None, *(mock.Mock(**{"write.side_effect": error}) for error in (OSError, ValueError)):
