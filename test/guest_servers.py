@@ -13,7 +13,6 @@ import time
 
 from actions_tutorial import robust
 import rospy
-from actionlib.msg import TestRequestAction
 from actionlib_msgs.msg import GoalStatus
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesFeedback, WashTheDishesResult
 from std_msgs.msg import Empty
@@ -210,7 +209,6 @@ KINDS = {
     "is_stopped": that_is_stopped,
     "is_started_often": lambda name: OwnStart(name, True),
     "is_started_inside": lambda name: OwnStart(name, False),
-    "of_texts": lambda name: robust.SimpleActionServer(name, TestRequestAction, lambda _: None),
 }
 
 # kind: what it does with a goal, the ending of that, its text (regex), and a line in the log (regex)

@@ -331,8 +331,8 @@ class Units(unittest.TestCase):
     def logged(self):
         """Returns a list to which each line of rospy's log is added."""
         said, handler = [], logging.Handler()
-        handler.emit = functools.partial(log._write_to_terminal, mock.Mock(_stdout=io.StringIO()),
-                                         lambda line: said.append(line.getMessage()))
+        terminal = mock.Mock(_stdout=io.StringIO(), _stderr=io.StringIO())
+        handler.emit = functools.partial(log._write_to_terminal, terminal, lambda line: said.append(line.getMessage()))
         logger, level = logging.getLogger("rosout"), logging.getLogger("rosout").level
         logger.addHandler(handler)
         logger.setLevel(logging.INFO)
@@ -799,6 +799,11 @@ class Units(unittest.TestCase):
             threads.map(one_at_a_time, range(20), range(20))
         self.assertEqual([1] * 60, most)
 
+    def test_what_rospy_quotes_of_a_peer_steers_no_terminal(self):
+        said, (_, connect) = self.logged(), self.peers_server(lambda *_: "\x1b[2J\nfake")
+        connect(encode_ros_handshake_header({"topic": "topic"}))
+        self.assertIn(r"\x1b[2J\nfake", eventually(lambda: said, "a warning")[0])
+
     def test_publishers_of_a_topic_are_those_of_all_lists_that_have_come(self):
         listener = registration.RegManager(mock.Mock())
         registration.get_registration_listeners().add_listener(listener)
@@ -891,8 +896,8 @@ class Units(unittest.TestCase):
                          [tracker.status.status for tracker in one.unended()])
 
     def test_line_on_a_goal_has_its_plain_fields_if_any_and_no_more_than_60_letters_of_each(self):
-        said = server._plain_fields(GoalStatus(status=3, text="x" * 1000))
-        self.assertEqual(": status 3, text 'xxx", said[:21])
+        said = server._plain_fields(GoalStatus(status=3, text="\x1b" * 1000))
+        self.assertEqual(r": status 3, text '\x1b", said[:22])
         self.assertLess(len(said), 100)
         self.assertEqual("", server._plain_fields(GoalStatusArray()))
 
@@ -907,7 +912,8 @@ class Units(unittest.TestCase):
         asked.action_server.status_pub.resolved_name = "/action/status"
         for serves_here, state, named in (
                 (True, OSError, rospy.get_name()), (False, OSError, ""),
-                (False, ([["/action/status", ["/one", "/other"]]], [], []), "/o"),  # the first that is asked is gone
+                # The first that is asked is gone.
+                (False, ([["/action/status", ["/one", rospy.get_name(), "/other"]]], [], []), "'/(one|other)'"),
                 (False, ([], [], []), "")):  # of a new master
             server._servers["/action"] = first = mock.Mock()
             first.action_server.started = serves_here
@@ -916,7 +922,7 @@ class Units(unittest.TestCase):
                     mock.patch.object(rospy, "logwarn") as warned:
                 robust.SimpleActionServer._SimpleActionServer__look_for_twins(asked)
             self.assertEqual(bool(named), warned.called)
-            self.assertIn(named, str(warned.mock_calls))
+            self.assertRegex(str(warned.mock_calls), named)
             self.assertIs(asked, server._servers["/action"])
 
     def test_goal_that_waits_while_the_node_ends_is_recalled_and_not_taken_up(self):
@@ -988,7 +994,7 @@ class Units(unittest.TestCase):
         self.assertEqual(("goal", GoalStatus.SUCCEEDED), (shown.goal_id.id, shown.status))
 
     def test_what_is_logged_of_a_goal_holds_up_neither_it_nor_its_ending_and_is_what_came(self):
-        one, lines, goal = self.serving(), [], TestActionGoal(goal_id=GoalID(id="id"))
+        one, lines, goal = self.serving(), [], TestActionGoal(goal_id=GoalID(id="\x1b" * 1000))
 
         def logged(words, *values):
             with ThreadPoolExecutor(1) as thread:
@@ -1006,7 +1012,8 @@ class Units(unittest.TestCase):
             one.action_server.result_pub.publish.side_effect = [rospy.ROSSerializationException("no"), None]
             one.set_succeeded()
             self.assertIn("goal accepted: goal 7", [line() for line in log._taken_off()][-2])
-        self.assertEqual(["woken", "woken", ("/work: goal ignored: its id 'id' is that of a recent goal", True, 0),
+        ignored = "/work: goal ignored: its id %.60r is that of a recent goal" % goal.goal_id.id
+        self.assertEqual(["woken", "woken", (ignored, True, 0),
                           ("/work: the result cannot be sent: no", False, 2)], lines)
 
     def test_whoever_wakes_a_rate_waits_for_nobody(self):  # a signal handler of rospy's, say, that holds the lock
