@@ -7,7 +7,6 @@ import statistics
 import sys
 import threading
 import time
-from unittest import mock
 
 import rospy
 import rostest
@@ -15,9 +14,8 @@ from actionlib_msgs.msg import GoalStatusArray
 from std_msgs.msg import Empty
 
 from raw_client import ABORTED, ACTIVE, PREEMPTED, PREEMPTING, RECALLED, SUCCEEDED, RawClient
-from actions_tutorial import robust
 from scenes import SLACK, NodeCase, Scene, concurrently
-from guest_servers import WAYS, Guest, in_a_thread, polite
+from guest_servers import WAYS, Guest, polite
 from processes import PACKAGE, bowls, eventually
 
 GUEST = os.path.join(PACKAGE, "test", "guest_servers.py")
@@ -188,59 +186,6 @@ class Endings(NodeCase):
         late = [one for one in goals if scene.shown[one, ACTIVE] > scene.feedback[one][0].header.stamp]
         self.assertEqual([], late, "goals that were ACTIVE only after their feedback")
         eventually(lambda: server.stderr.count("slept to the end: False") == 4, "four who woke up", server, timeout=10)
-
-    def test_newer_goal_that_is_accepted_while_the_result_of_the_older_one_waits_is_not_ended_by_it(self, scene):
-        workers = []
-        Guest(scene.action[:-1], polite, lambda server: workers.append(in_a_thread(server)))
-        scene.wait_connected()
-        with mock.patch.object(robust.server, "FEEDBACK_HEAD_START", 1):
-            older = scene.send(1)
-            scene.wait_bowls(older, 1)
-            newer = busy(scene)
-        self.assertEqual(PREEMPTED, scene.wait_result(older).status.status)
-        workers[0].join(30)
-        self.assertFalse(workers[0].is_alive(), "has the older one's worker not gone on")
-        scene.cancel(newer)
-        scene.check_ending(newer, PREEMPTED, bowls(1))
-
-    def test_callback_for_goals_that_exits_keeps_no_lock(self, scene):
-        begun = threading.Event()
-        server = Guest(scene.action[:-1], polite, lambda _: begun.set() or sys.exit())
-        scene.wait_connected()
-        scene.send(1)
-        self.assertTrue(begun.wait(30))
-        eventually(lambda: server.lock.acquire(timeout=0.1), "the lock", scene, timeout=10)
-        server.lock.release()
-
-    def test_goal_that_comes_when_the_server_has_stopped_and_its_topics_are_open_yet_is_recalled(self, scene):
-        server = Guest(scene.action[:-1], polite)
-        scene.wait_connected()
-        runs = busy(scene)
-        with mock.patch.object(robust.shutdown, "SENT_WITHIN", 3):
-            robust.shutdown.aside(server.action_server.stop)
-            self.assertEqual(ABORTED, scene.wait_result(runs).status.status)
-            again = scene.wait_result(scene.send(1)).status
-        self.assertEqual((RECALLED, SHUTTING_DOWN), (again.status, again.text))
-
-    def test_subclass_that_ends_a_goal_where_it_looks_and_takes_one_up_late_is_asked_without_a_lock(self, scene):
-        server = scene.server(GUEST, "own_end")
-        goal_id = scene.send(5)
-        scene.wait(lambda: scene.states.get(goal_id), "that it waits")
-        scene.cancel(goal_id)
-        self.assertEqual("cancelled", scene.wait_result(goal_id).status.text, server)
-        took = scene.times[goal_id, "result"] - scene.times[goal_id, "sent"]
-        self.assertLess(took, 2, "s for five looks, each after 0.1 s, of %s" % server)
-
-    def test_goal_that_a_stop_ended_is_forgotten_by_the_server_that_is_started_again(self, scene):
-        rospy.set_param(scene.action + "status_list_timeout", 0.1)
-        server = Guest(scene.action[:-1], lambda _: time.sleep(1))
-        self.addCleanup(server.__del__)
-        scene.wait_connected()
-        goal_id = busy(scene)
-        server.action_server.stop()
-        server.action_server.start()
-        scene.wait(lambda: (goal_id, ABORTED) in scene.shown and not scene.status.status_list, "a status without it")
-        self.assertEqual(5, server.action_server.status_frequency)
 
     def test_server_ends_on_del_and_when_it_needs_to_terminate(self, scene):
         for request in Guest.__del__, lambda server: setattr(server, "need_to_terminate", True):

@@ -60,22 +60,6 @@ class OwnNames(Guest):
     _lock = _server = _goal = _log = _end_goal = _end = _name = _state = _thread = None
 
 
-class OwnEnd(Guest):
-    """Ends the goal when it finds that it should, and takes one up in its own time, with a look at its status."""
-
-    doubts = 5
-
-    def is_preempt_requested(self):
-        return super().is_preempt_requested() and not self.set_preempted(RESULT)
-
-    def is_new_goal_available(self):
-        if self.new_goal and self.doubts:
-            self.doubts -= 1
-            time.sleep(0.05)
-            return self.next_goal.get_goal_status() is None
-        return super().is_new_goal_available()
-
-
 class OwnStart(robust.SimpleActionServer):
     """Means something else by start, and is started more than once, as actionlib's allows."""
 
@@ -204,7 +188,6 @@ KINDS = {
     "hook_raises": lambda name: rospy.on_shutdown(dirty) or Guest(name, polite),
     "hook_blocks": lambda name: rospy.on_shutdown(block) or Guest(name, polite),
     "own_names": lambda name: OwnNames(name, polite),
-    "own_end": lambda name: OwnEnd(name, wait_for_stop),
     "with_silent_peers": with_silent_peers,
     "is_stopped": that_is_stopped,
     "is_started_often": lambda name: OwnStart(name, True),

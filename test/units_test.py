@@ -60,6 +60,12 @@ def closer():
         one.give_up()
 
 
+def is_free(lock):
+    """Returns whether another thread gets lock at once."""
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(lambda: lock.acquire(blocking=False) and lock.release() is None).result()
+
+
 def record(*line):
     """A logging.LogRecord of arguments of rospy.loginfo."""
     return logging.LogRecord("rosout", logging.INFO, "file", 1, line[0], line[1:], None)
@@ -888,6 +894,39 @@ class Units(unittest.TestCase):
             setattr(one.action_server, topic, mock.Mock())
         return one
 
+    def test_loop_of_a_server_asks_a_subclass_without_a_lock_and_again_each_0_1_s_while_that_lets_a_goal_wait(self):
+        def is_new_goal_available():
+            free.append(is_free(one.lock) and is_free(one.action_server.lock))
+            one.need_to_terminate = len(free) == 2
+
+        one, free = self.serving(), []
+        one.new_goal, one.is_new_goal_available = True, is_new_goal_available
+        with mock.patch.object(one.execute_condition, "wait") as wait:
+            one.executeLoop()
+        wait.assert_called_with(0.1)
+        self.assertEqual([True, True], free)
+
+    def test_callback_for_goals_that_exits_keeps_no_lock(self):
+        one = self.serving()
+        one.register_goal_callback(sys.exit)
+        with self.assertRaises(SystemExit):
+            one.action_server.internal_goal_callback(TestActionGoal())
+        self.assertTrue(is_free(one.lock))
+
+    def test_newer_goal_that_is_accepted_while_the_result_of_the_older_one_waits_is_not_ended_by_it(self):
+        def take_up(goal_id):
+            one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id=goal_id)))
+            one.accept_new_goal()
+
+        one = self.serving()
+        take_up("older")
+        with ThreadPoolExecutor(1) as thread, mock.patch.object(server, "time", mock.Mock(
+                monotonic=time.monotonic, sleep=lambda _: thread.submit(take_up, "newer").result(10))):
+            one.set_succeeded()
+        one.action_server.result_pub.publish.assert_called_once()
+        status = one.action_server.result_pub.publish.call_args[0][0].status
+        self.assertEqual(("older", GoalStatus.PREEMPTED, True), (status.goal_id.id, status.status, one.is_active()))
+
     def test_goals_without_an_ending_are_those_that_came_and_wait_or_run(self):
         one = server._ActionServer.__new__(server._ActionServer)
         one.status_list = [mock.Mock(status=GoalStatus(status=state)) for state in range(10)]
@@ -965,7 +1004,11 @@ class Units(unittest.TestCase):
         asked._SimpleActionServer__taken_over, asked._SimpleActionServer__taken_by = 2, threading.get_ident()
         self.assertFalse(stop_requested(), "whoever has taken up the newer goal sleeps on")
 
-    def test_server_that_is_stopped_tells_the_goal_that_runs_has_none_that_waits_and_may_go_on(self):
+    def test_server_that_is_stopped_ends_its_goals_and_each_that_comes_later_and_may_go_on_without_them(self):
+        def shown():
+            status, = one.action_server.status_pub.publish.call_args[0]
+            return [(each.goal_id.id, each.status) for each in status.status_list]
+
         for others in [], ["waits"]:
             one = self.serving()
             sent = one.action_server.internal_goal_callback
@@ -975,13 +1018,18 @@ class Units(unittest.TestCase):
                 sent(TestActionGoal(goal_id=GoalID(id=other, stamp=rospy.Time(2 ** 31))))  # a clock that is wrong
             with mock.patch.object(shutdown, "SENT_WITHIN", 0), mock.patch.object(actionlib.ActionServer, "stop"):
                 one.action_server.stop()
-            self.assertEqual([GoalStatus.ABORTED] + [GoalStatus.RECALLED] * len(others), [
-                each.status for each in one.action_server.status_pub.publish.call_args[0][0].status_list])
+            self.assertEqual([("runs", GoalStatus.ABORTED)] + [(each, GoalStatus.RECALLED) for each in others], shown())
             self.assertEqual((False, True), (one.is_new_goal_available(), one.is_preempt_requested()))
-            one.action_server.started = True  # again
+            sent(TestActionGoal(goal_id=GoalID(id="late")))  # its topics may be open yet
+            self.assertEqual([("late", GoalStatus.RECALLED)], shown())
+            late = one.action_server.result_pub.publish.call_args[0][0].status
+            self.assertEqual(("late", server.SHUTTING_DOWN), (late.goal_id.id, late.text))
+            one.action_server.started, one.action_server.status_list_timeout = True, rospy.Duration(-1)  # again
             sent(TestActionGoal(goal_id=GoalID(id="next", stamp=rospy.Time(1))))
             one.accept_new_goal()
             self.assertEqual((True, False), (one.is_active(), one.is_preempt_requested()))
+            one.action_server.publish_status()
+            self.assertEqual([("next", GoalStatus.ACTIVE)], shown())
 
     def test_status_shows_an_ending_also_where_the_clock_leaps_while_it_is_made_up(self):
         one = self.serving()
@@ -997,10 +1045,8 @@ class Units(unittest.TestCase):
         one, lines, goal = self.serving(), [], TestActionGoal(goal_id=GoalID(id="\x1b" * 1000))
 
         def logged(words, *values):
-            with ThreadPoolExecutor(1) as thread:
-                is_free = thread.submit(lambda: one.action_server.lock.acquire(blocking=False) and
-                                        one.action_server.lock.release() is None).result()
-            lines.append((words % values, is_free, one.action_server.result_pub.publish.call_count))
+            results = one.action_server.result_pub.publish.call_count
+            lines.append((words % values, is_free(one.action_server.lock), results))
 
         goal.goal.goal = 7
         with mock.patch.multiple(rospy, logwarn=logged, logerr=logged), mock.patch.object(log, "_taken", [1]), \
