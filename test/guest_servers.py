@@ -8,7 +8,6 @@ import os
 import pathlib
 import socket
 import sys
-import threading
 import time
 
 from actions_tutorial import robust
@@ -58,26 +57,6 @@ class OwnNames(Guest):
 
     rate = _rate = _closed = _shut_down = _shutting_down = _stopped = _ended = 3
     _lock = _server = _goal = _log = _end_goal = _end = _name = _state = _thread = None
-
-
-class OwnStart(robust.SimpleActionServer):
-    """Means something else by start, and is started more than once, as actionlib's allows."""
-
-    start, turn = None, threading.Lock()
-
-    def __init__(self, name, auto_start):
-        super().__init__(name, WashTheDishesAction, self.execute_cb, auto_start)
-        for _ in range(2):
-            self.action_server.start()
-
-    def execute_cb(self, _):
-        if self.turn.locked():
-            say("two goals at a time")
-        with self.turn:
-            while robust.log._soon:  # what it has to say of the goal, until the next heartbeat
-                time.sleep(0.02)
-            self.set_succeeded(RESULT)
-            time.sleep(0.5)
 
 
 # --- what a server does with a goal of its own ---
@@ -190,8 +169,6 @@ KINDS = {
     "own_names": lambda name: OwnNames(name, polite),
     "with_silent_peers": with_silent_peers,
     "is_stopped": that_is_stopped,
-    "is_started_often": lambda name: OwnStart(name, True),
-    "is_started_inside": lambda name: OwnStart(name, False),
 }
 
 # kind: what it does with a goal, the ending of that, its text (regex), and a line in the log (regex)

@@ -894,6 +894,23 @@ class Units(unittest.TestCase):
             setattr(one.action_server, topic, mock.Mock())
         return one
 
+    def test_server_that_its_subclass_or_program_starts_in_a_way_of_its_own_begins_once_and_ends_when_told(self):
+        class Own(robust.SimpleActionServer):
+            start = None  # it means something else by that
+
+        for auto_start, end in (True, Own.__del__), (False, lambda one: setattr(one, "need_to_terminate", True)):
+            with mock.patch.object(server._ActionServer, "initialize") as initialize, \
+                    mock.patch.object(server._ActionServer, "publish_status"), mock.patch.object(shutdown, "at_end"), \
+                    mock.patch.object(robust.SimpleActionServer, "_SimpleActionServer__look_for_twins"):
+                one = Own("work", TestAction, print, auto_start)
+                for _ in range(2):
+                    one.action_server.start()
+            initialize.assert_called_once()
+            one.action_server.status_timer, one.action_server.status_frequency = mock.Mock(), 7
+            self.assertEqual((7, True), (one.action_server.status_frequency, one.execute_thread.is_alive()))
+            shutdown.aside(end, one)
+            eventually(lambda: not one.execute_thread.is_alive(), "an end")
+
     def test_loop_of_a_server_asks_a_subclass_without_a_lock_and_again_each_0_1_s_while_that_lets_a_goal_wait(self):
         def is_new_goal_available():
             free.append(is_free(one.lock) and is_free(one.action_server.lock))
@@ -1057,7 +1074,9 @@ class Units(unittest.TestCase):
             one.action_server.internal_goal_callback(TestActionGoal(goal_id=goal.goal_id))
             one.action_server.result_pub.publish.side_effect = [rospy.ROSSerializationException("no"), None]
             one.set_succeeded()
-            self.assertIn("goal accepted: goal 7", [line() for line in log._taken_off()][-2])
+            with mock.patch.object(rospy, "loginfo") as said:
+                one.action_server.publish_status_async(None)  # the next heartbeat
+            self.assertIn("goal accepted: goal 7", said.call_args_list[-2][0][1])
         ignored = "/work: goal ignored: its id %.60r is that of a recent goal" % goal.goal_id.id
         self.assertEqual(["woken", "woken", (ignored, True, 0),
                           ("/work: the result cannot be sent: no", False, 2)], lines)
