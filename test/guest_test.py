@@ -3,12 +3,9 @@
 import contextlib
 import glob
 import os
-import pty
-import select
 import signal
 import socket
 import struct
-import subprocess
 import time
 import unittest
 
@@ -594,25 +591,6 @@ print(sorted(buffer.getvalue().splitlines()))
 """ % library, head=HEAD) for library in ("rospy", "robust")]
         self.assertEqual([0, 0], [node.wait() for node in nodes], nodes[1])
         self.assertEqual(nodes[0].stdout, nodes[1].stdout, nodes[1])
-
-    def test_each_print_is_seen_at_once_a_progress_without_an_end_of_line_too(self, master):
-        rows = (("50 %\n", "print('50 %')"), ("50 %\r", "print('50 %', end='\\r')"),
-                ("50 %", "print('50 %', end='')"), ("\r50 %", "sys.stdout.write('\\r50 %')"))
-        child = "child\n", "os.fork() or (print('child'), os._exit(0))"
-        for make, unbuffered, rows in ((os.pipe, "", rows), (pty.openpty, "", (*rows, child)),
-                                       (os.pipe, "1", [("50 %", "sys.stdout.write('50 %')")])):
-            read, write = make()
-            node = program(master, "for _, code in %r:\n    exec(code)\n    sys.stdin.readline()" % (rows,),
-                           stdin=subprocess.PIPE, stdout=write, PYTHONUNBUFFERED=unbuffered)
-            for line, _ in rows:
-                seen = ""
-                while seen.replace("\r\n", "\n") != line:
-                    self.assertTrue(select.select([read], [], [], 20)[0], "%r of %r seen through %s by %s" % (
-                        seen, line, make.__name__, node))
-                    seen += os.read(read, 100).decode()
-                node.type("\n")
-            for number in read, write:
-                os.close(number)
 
     def test_flood_of_log_into_a_terminal_that_is_stopped_takes_no_memory(self, master):
         node = program(master, """

@@ -541,23 +541,26 @@ class Units(unittest.TestCase):
         with mock.patch.object(log, "_soon", mock.MagicMock(popleft=mock.Mock(side_effect=IndexError))):
             log.catch_up()
 
-    def test_stdout_stays_and_a_child_gets_pythons_own_back(self):
-        for errors, ours in ("strict", "backslashreplace"), ("surrogateescape", "surrogateescape"):
-            stream = io.TextIOWrapper(io.BytesIO(), "ascii", errors, line_buffering=True)
-            stream.buffer.name = "<stdout>"
+    def test_stdout_stays_shows_each_print_and_progress_at_once_and_a_child_gets_pythons_own_back(self):
+        for errors, ours, unbuffered in (("strict", "backslashreplace", False), ("strict", "backslashreplace", True),
+                                         ("surrogateescape", "surrogateescape", False)):
+            stream = io.TextIOWrapper(io.BytesIO(), "ascii", errors, line_buffering=True, write_through=unbuffered)
+            stream.buffer.name, written = "<stdout>", b""
             with mock.patch.multiple(sys, stdout=stream, __stdout__=stream):
                 stdout.take_over(print)
                 self.assertIs(stream, sys.stdout)
                 self.assertEqual((ours, True), (stream.errors, "write" in vars(stream)))
-                for text, shown in ("two\nlines", b""), ("\n", b"two\nlines\n"):  # as print does
+                for text, is_shown in (("two\nlines", False), ("\n", True), ("50 %", False), ("", True),
+                                       ("\r51 %", True), ("pending", False)):  # as print does, and a progress
+                    before, written = stream.buffer.getvalue(), written + text.encode()
                     stream.write(text)
-                    self.assertEqual(shown, stream.buffer.getvalue())
-                stream.write("pending")
+                    self.assertEqual(written if is_shown or unbuffered else before, stream.buffer.getvalue())
+                shown = stream.buffer.getvalue()
                 for _ in range(2):  # a child of a child
                     stdout.give_back()
                 self.assertEqual(shown, stream.buffer.getvalue(), "a fork may wait for whoever writes")
                 stream.write("\n")
-                self.assertEqual(shown + b"pending\n", stream.buffer.getvalue())
+                self.assertEqual(written + b"\n", stream.buffer.getvalue())
             self.assertEqual([], list(vars(stream)))
         for other in None, io.StringIO(), io.TextIOWrapper(io.BytesIO()):
             with mock.patch.multiple(sys, stdout=other, __stdout__=other):
