@@ -13,6 +13,7 @@ import pathlib
 import re
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -784,6 +785,20 @@ class Units(unittest.TestCase):
         self.assertTrue(os.get_blocking(server.server_sock.fileno()))
         server.shutdown()
         server.run()
+
+    def test_silent_peer_is_let_go_and_holds_up_nobody_one_that_speaks_slowly_is_heard_and_one_may_be_gone(self):
+        heard, header = [], encode_ros_handshake_header({"topic": "topic"})
+        _, connect = self.peers_server(lambda *_: heard.append(1))
+        with mock.patch.object(peers, "SPEAKS_WITHIN", 1), mock.patch.object(threading, "excepthook") as complaint:
+            silent, slow, gone = connect(b""), connect(header[:3]), connect(b"")
+            gone.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # with a reset
+            gone.close()
+            connect(header)
+            eventually(lambda: heard, "the peer that speaks")
+            self.assertEqual(b"", silent.recv(1))
+            slow.sendall(header[3:])
+            eventually(lambda: len(heard) == 2, "the slow one")
+        complaint.assert_not_called()
 
     def test_peers_are_connected_one_after_the_other_by_locks_that_are_looked_up_so_and_forgotten(self):
         def alone(*_):
