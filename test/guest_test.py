@@ -16,7 +16,7 @@ from processes import Master, bound_socket, eventually
 
 # What the programs here begin with. state() waits a moment: what ends a node does so within 0.1 s.
 HEAD = """
-import asyncio, atexit, contextlib, ctypes, faulthandler, io, logging, multiprocessing, os, psutil, random, signal, sys
+import asyncio, atexit, ctypes, faulthandler, io, logging, multiprocessing, os, psutil, random, signal, sys
 import threading, time
 from actions_tutorial import robust
 import actionlib, rosgraph, rospy
@@ -556,21 +556,6 @@ print("through another stream")
         self.assertEqual(["f", "c", "l", "p", "s", "t", "w", *"0123456789", *"l" * 400, "t"],
                          [line[0] for line in node.stdout.splitlines()], node)
         self.assertIn("line 399!", log_file(master), node)
-
-    def test_redirected_stdout_gets_what_it_gets_with_rospy(self, master):
-        nodes = [program(master, """
-buffer = io.StringIO()
-with contextlib.redirect_stdout(buffer):
-    %s.init_node("guest")
-    print("print inside")
-    rospy.loginfo("log inside")
-print("print outside")
-rospy.loginfo("log outside")
-so(lambda: "log outside" in buffer.getvalue())
-print(sorted(buffer.getvalue().splitlines()))
-""" % library, head=HEAD) for library in ("rospy", "robust")]
-        self.assertEqual([0, 0], [node.wait() for node in nodes], nodes[1])
-        self.assertEqual(nodes[0].stdout, nodes[1].stdout, nodes[1])
 
     def test_flood_of_log_into_a_terminal_that_is_stopped_takes_no_memory(self, master):
         node = program(master, """

@@ -439,7 +439,9 @@ class Units(unittest.TestCase):
             sources.removeHandler(handler)
         self.assertEqual("cannot log to /dev/null: it is full\n", complaints.getvalue())
 
-    def test_log_s_own_stream_has_the_encoding_of_pythons_and_leaves_that_open(self):
+    def test_log_s_own_stream_has_the_encoding_of_pythons_and_leaves_that_open_and_a_redirected_one_stays(self):
+        redirected = io.StringIO()
+        self.assertIs(redirected, log._own(redirected))
         for name, number in ("__stdout__", 1), ("__stderr__", 2):
             with mock.patch.object(sys, name, io.TextIOWrapper(io.BytesIO(), "latin-1")) as stream:
                 own = log._own(stream)
