@@ -557,18 +557,6 @@ print("through another stream")
                          [line[0] for line in node.stdout.splitlines()], node)
         self.assertIn("line 399!", log_file(master), node)
 
-    def test_flood_of_log_into_a_terminal_that_is_stopped_takes_no_memory(self, master):
-        node = program(master, """
-os.dup2(os.pipe()[1], 1)  # which nobody reads
-robust.init_node("guest")
-rss = psutil.Process().memory_info().rss
-for number in range(10000):
-    rospy.loginfo("%5000d", number)
-sys.stderr.write("%d MiB more\\n" % ((psutil.Process().memory_info().rss - rss) >> 20))
-""", head=HEAD)
-        self.assertLess(int(node.expect(r"(-?\d+) MiB more").group(1)), 20, node)
-        self.assertEqual(0, node.wait(), node)
-
     def test_log_changes_neither_parameters_nor_what_other_handlers_see(self, master):
         master.api.setParam("/plates", 3)
         config = os.path.join(master.home, "log.yaml")
