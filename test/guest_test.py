@@ -557,23 +557,6 @@ print("through another stream")
                          [line[0] for line in node.stdout.splitlines()], node)
         self.assertIn("line 399!", log_file(master), node)
 
-    def test_log_changes_neither_parameters_nor_what_other_handlers_see(self, master):
-        master.api.setParam("/plates", 3)
-        config = os.path.join(master.home, "log.yaml")
-        with open(config, "w") as file:
-            file.write("{version: 1, handlers: {mine: {class: __main__.Mine}}, root: {handlers: [mine]},"
-                       " loggers: {rosout: {}}}")
-        self.says(master, """
-class Mine(logging.Handler):
-    def emit(self, record):
-        if record.name == "rosout":
-            print(record.msg, record.args, threading.current_thread() is threading.main_thread())
-
-robust.init_node("guest", log_level=rospy.FATAL)
-logging.getLogger("rosout").critical("bowl %d", 1)
-print(rospy.get_param("/")["plates"])
-""", "bowl %d (1,) True", "3", head=HEAD, ROS_PYTHON_LOG_CONFIG_FILE=config)
-
 
 if __name__ == "__main__":
     rostest.rosrun("actions_tutorial", "guest", Guest)

@@ -348,10 +348,12 @@ class Units(unittest.TestCase):
 
     def test_lines_on_goals_stand_before_later_ones_and_each_line_says_what_was_so_when_it_was_logged(self):
         said, words = self.logged(), ["then"]
+        line = record("%s", words)
         log._soon.extend(functools.partial(str, number) for number in range(1000))
         rospy.loginfo("later,\nin two lines")
         with mock.patch.object(log, "_others") as caller:
-            log._write_later(lambda line: said.append(line.getMessage()), record("%s", words))
+            log._write_later(lambda line: said.append(line.getMessage()), line)
+        self.assertEqual(("%s", (words,)), (line.msg, line.args), "which the program's own handlers have, too")
         words[:] = ["now"]
         caller.call.call_args[0][0]()
         self.assertEqual([*map(str, range(1000)), "later,\nin two lines", "['then']"], said)
@@ -413,16 +415,21 @@ class Units(unittest.TestCase):
                 log._say_once(handler, [], None)
         self.assertEqual(["/rosout", "the terminal", "/file"], re.findall("cannot log to (.+?): ", said.getvalue()))
 
-    def test_log_complains_of_nothing_until_its_handlers_say_so_once(self):
-        said = []
+    def test_log_complains_of_nothing_until_its_handlers_say_so_once_and_leaves_the_program_s_own_alone(self):
+        class Own(logging.Handler):
+            pass
 
-        def say(*_, **__):
+        def init_node(*_, **__):
             said.append(logging.raiseExceptions)
+            handlers.extend([Own(), rospy_s])  # the program's by ROS_PYTHON_LOG_CONFIG_FILE
 
-        with mock.patch.object(log, "hold_nobody_up", say), mock.patch.object(node, "_rospy_init_node", say):
+        said, rospy_s = [], RosStreamHandler()
+        with mock.patch.object(logging.getLogger("rosout"), "handlers", []) as handlers, \
+                mock.patch.object(log, "hold_nobody_up", lambda ours: said.extend([logging.raiseExceptions, *ours])), \
+                mock.patch.object(node, "_rospy_init_node", init_node):
             rospy.client._init_node_args = "those of a start that fails"
             node._start((), {})
-        self.assertEqual([False, False, True, None],
+        self.assertEqual([False, False, rospy_s, True, None],
                          [*said, logging.raiseExceptions, rospy.client._init_node_args])
         handler, sources = logging.FileHandler("/dev/null"), logging.getLogger("a library")
         with contextlib.redirect_stderr(io.StringIO()) as complaints, mock.patch.object(log, "_taken", []):
@@ -438,6 +445,15 @@ class Units(unittest.TestCase):
             eventually(complaints.getvalue, "a complaint")
             sources.removeHandler(handler)
         self.assertEqual("cannot log to /dev/null: it is full\n", complaints.getvalue())
+
+    def test_log_asks_the_master_once_and_puts_nothing_into_the_cache_of_parameters(self):
+        key, cache = "/rosout_disable_topics_generation", mock.Mock(**{"get.return_value": 3})
+        with mock.patch.object(rospy.impl.paramserver, "get_param_server_cache", return_value=cache), \
+                mock.patch.object(rospy, "get_param", return_value=False) as asked:
+            log.ask_the_master_once()
+        self.assertEqual([False, False, 3], [cache.get(name) for name in (key, key, "/plates")])
+        asked.assert_called_once()
+        cache.set.assert_not_called()
 
     def test_log_s_own_stream_has_the_encoding_of_pythons_and_leaves_that_open_and_a_redirected_one_stays(self):
         redirected = io.StringIO()
