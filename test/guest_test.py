@@ -466,13 +466,6 @@ case(lambda: robust.init_node("x"), lambda: robust.get_param("~n", 7))
                   "abc up", head=HEAD,
                   quiet=False)  # Debian 11's rospy, where it is not ours, ends with a traceback
 
-    def test_name_that_is_none_is_a_value_error_at_once_in_rospy_s_words(self, master):
-        master.kill()
-        node = program(master, "for name in 'ns/node', '', None:\n    for library in rospy, robust:\n"
-                               "        print(outcome(library.init_node, name))", head=HEAD)
-        self.assertEqual(0, node.wait(), node)
-        self.assertRegex(node.stdout, r"^(ValueError.+\n)\1(ValueError.+\n)\2(ValueError.+\n)\3$", node)
-
     def test_client_and_server_of_a_node_do_without_the_master_but_not_without_the_node(self, master):
         """And they take no random numbers from the program, and leave no files open, of which Python would warn. A goal
         that has ended is the current one until the next is accepted, also of a server that was started again, as

@@ -201,9 +201,12 @@ class Units(unittest.TestCase):
             with mock.patch.object(node, "_wait_for_master", side_effect=KeyboardInterrupt), \
                     arguments("--help"), self.assertRaises(KeyboardInterrupt):  # without usage, --help is not ours
                 robust.init_node("node", disable_signals=True)
-        with warnings.catch_warnings(record=True) as said, self.assertRaisesRegex(ValueError, "namespaces"):
+        with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
-            robust.init_node("a/b")
+            for name, words in ("a/b", "namespaces are not"), ("", "must not be empty"), (None, "must not be empty"):
+                for library in rospy, robust:
+                    with self.assertRaisesRegex(ValueError, words):
+                        library.init_node(name)
         with self.assertRaises(TypeError):  # as rospy's
             robust.init_node(5)
         self.assertEqual([], said)  # of files that stay open
