@@ -267,6 +267,17 @@ class Reports(NodeCase):
         go_on.set()
         raw.eventually(lambda: raw.fed == bowls(3), "feedback of %s" % bowls(3))
 
+    def test_callbacks_that_a_program_sets_later_count_and_it_sees_done_when_done_cb_is_through(self, place):
+        raw, heard = place.meet(), []
+        goal = raw.send()
+        raw.client.feedback_cb = lambda feedback: heard.append(feedback.last_dish_washed)
+        raw.client.done_cb = lambda *_: heard.append(raw.client.simple_state)
+        raw.feedback(goal, "bowl-0")
+        raw.status((goal, ACTIVE))
+        raw.result(goal)
+        self.assertEqual(["bowl-0", SimpleGoalState.ACTIVE], heard, raw)
+        self.assertEqual(SimpleGoalState.DONE, raw.client.simple_state, raw)
+
     def test_nothing_of_an_older_goal_reaches_the_newer_one(self, place):
         raw, told = place.meet(), mock.Mock()
         older, handle = raw.send(done_cb=told, active_cb=told, feedback_cb=told), raw.client.gh
