@@ -49,6 +49,8 @@ def pair(execute, library=robust):
     return server, client
 """
 INIT = HEAD + "robust.init_node('guest', log_level=rospy.WARN)\n"
+# For programs that do not try how soon a node ends: a busy machine is late.
+PATIENT = "robust.shutdown.KILLED_AFTER = robust.shutdown.CLOSED_WITHIN = 20\n"
 
 
 def program(master, code, head=INIT, **options):
@@ -75,10 +77,10 @@ def log_file(master):
 @concurrently(Master, at_once=4)
 class Guest(unittest.TestCase):
 
-    def says(self, master, code, *lines, status=0, quiet=True, **options):
-        """A program ends with this exit status, without a traceback if quiet, when it has printed these lines (str).
-        -> Process"""
-        node = program(master, code, **options)
+    def says(self, master, code, *lines, status=0, quiet=True, head=INIT, **options):
+        """A program ends with this exit status, without a traceback if quiet, when it has printed these lines (str). It
+        may be slow to end, unless it sets the bounds itself. -> Process"""
+        node = program(master, code, head and head + PATIENT, **options)
         self.assertEqual(status, node.wait(), node)
         self.assertEqual(list(lines), node.stdout.splitlines(), node)
         if quiet:
@@ -172,7 +174,6 @@ sys.exit(3)
         for code, end, heard in (("", "read", "{15}"), ("os.close(write)", "other[0]", none),
                                  ("os.close(read)", "other[0]", none)):
             self.says(master, """
-robust.shutdown.KILLED_AFTER = 30
 other, (read, write) = os.pipe2(os.O_NONBLOCK), os.pipe2(os.O_NONBLOCK)
 signal.set_wakeup_fd(write)
 robust.init_node("guest")
@@ -303,9 +304,8 @@ rospy.signal_shutdown("done")
         self.assertNotIn("cannot write to stdout", node.stderr, node)
 
     def test_child_that_is_forked_while_the_node_ends_has_no_part_in_that(self, master):
-        self.says(master, "robust.shutdown.KILLED_AFTER = 30\nsend('TERM')\nso(rospy.core.is_shutdown_requested)\n"
-                          "if not os.fork():\n    robust.log.flush = print\n    sys.exit(3)\n"
-                          "print(os.wait()[1] >> 8)", "3")
+        self.says(master, "send('TERM')\nso(rospy.core.is_shutdown_requested)\nif not os.fork():\n"
+                          "    robust.log.flush = print\n    sys.exit(3)\nprint(os.wait()[1] >> 8)", "3")
 
     def test_server_made_before_init_node_by_a_subclass_with_its_own_ways_is_served_and_named(self, master):
         node = program(master, """
@@ -381,20 +381,21 @@ threading.Event().wait()
                 (up + "robust.init_node('guest')\n" + up, "up", "up"),
                 ("robust.shutdown.KILLED_AFTER = 0.1\nrobust.init_node('guest')\n"
                  "rospy.on_shutdown(lambda: [time.sleep(2), print('parked')])\n", "parked"),
-                ("robust.shutdown.CLOSED_WITHIN = robust.shutdown.KILLED_AFTER = 20\nrobust.init_node('guest')\n"
-                 "rospy.on_shutdown(lambda: [time.sleep(1), print('parked')])\nsend('TERM')\n"
-                 "so(rospy.core.is_shutdown_requested)\n", "parked"),
-                ("robust.init_node('guest')\nrospy.on_shutdown(threading.Event().wait)\n"
+                ("robust.init_node('guest')\nrospy.on_shutdown(lambda: [time.sleep(1), print('parked')])\n"
+                 "send('TERM')\nso(rospy.core.is_shutdown_requested)\n", "parked"),
+                ("robust.shutdown.CLOSED_WITHIN = 1.5\nrobust.init_node('guest')\n"
+                 "rospy.on_shutdown(threading.Event().wait)\n"
                  "threading.Thread(target=rospy.signal_shutdown, args=[''], daemon=True).start()\n"
                  "so(rospy.core.is_shutdown_requested)\ntime.sleep(1)\n",),
                 ("robust.shutdown.KILLED_AFTER = 4\natexit.register(time.sleep, 4)\nrobust.init_node('guest')\n"
                  "send('TERM')\nrospy.spin()\n",),
-                ("robust.shutdown.KILLED_AFTER = 20\nrobust.init_node('guest')\n"
+                ("robust.shutdown.CLOSED_WITHIN = 1.5\nrobust.init_node('guest')\n"
                  "os.kill(rosgraph.Master('').getPid(), signal.SIGSTOP)\nsend('TERM')\nrospy.spin()\n",)):
             self.says(master, code + "sys.exit(7)", *lines, status=7, head=HEAD)
 
     def test_program_that_goes_on_after_its_node_keeps_its_time_its_processor_and_its_exit_status(self, master):
-        self.says(master, "rospy.signal_shutdown('')\nbefore = time.process_time()\ntime.sleep(3)\n"
+        self.says(master, "robust.shutdown.KILLED_AFTER = 1\nrospy.signal_shutdown('')\n"
+                          "before = time.process_time()\ntime.sleep(3)\n"
                           "sys.exit(7 if time.process_time() - before < 1 else 'a busy end')", status=7)
         suite = os.path.join(master.home, "suite_test.py")
         with open(suite, "w") as file:
