@@ -1,8 +1,6 @@
-"""The benchmark's measurements: what each server, and the floor, is asked to do, and the samples of it.
-
-The floor is a bare node that answers a message with a message. Its figure is taken by this same process, with the same
-pauses between two samples, so that a ratio to it says what action and server add to ROS. The times are those of
-time.monotonic() in plain publishers and subscribers: SimpleActionClient would add its own locks and threads.
+"""The benchmark's samples: what each server is asked to do, and the floor, a bare node that answers a message with a
+message. One process asks all, with the same pauses: a ratio to the floor says what action and server add to ROS. The
+times are time.monotonic() in plain publishers and subscribers: SimpleActionClient would add its own locks and threads.
 """
 import contextlib
 import gc
@@ -26,9 +24,8 @@ from simulated_clock import SimulatedClock  # noqa: E402
 SERVERS = {"ours": "scripts/action_server.py", "plain": "scripts/plain_action_server.py",
            "floor": "benchmark/ping_pong.py"}
 CLIENTS = {"ours": ["scripts/action_client.py", "_number_of_minutes:=0"], "plain": ["benchmark/plain_client.py"]}
-# instances: servers that take samples side by side; a sample is mostly waiting. Then: samples of each of them for a
-# figure, the least seconds for a goal, a newer one and its cancel, whole clients, bowls to time, sizes under simulated
-# time, goals in a row, and ended goals that may still be listed when something is measured.
+# instances: servers that take samples side by side, as they mostly wait; cycle: the least s for a goal, a newer one and
+# its cancel; sizes: bowls in simulated time; burst: goals in a row; listed: ended goals that a status may still have.
 FULL = {"instances": {"ours": 5, "plain": 5, "floor": 1},
         "samples": {"ours": 31, "plain": 31, "floor": 200}, "cycle": 2.5,
         "clients": 15, "bowls": 60, "sizes": (100, 10000), "burst": 112, "listed": 2}

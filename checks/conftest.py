@@ -83,10 +83,8 @@ def on_terminal(*command):
 
 class Machine(Group):
     """A bare Debian, a copy of what the fixture debian made: a chroot on a tmpfs in namespaces of its own, which the
-    kernel takes away, with processes, mounts and files, however we end.
-
-    path: its files, for us; tutorial: where it has ours; user: whose commands it runs, root or learner; env: for them.
-    """
+    kernel takes away however we end. path: its files, for us; tutorial: where it has ours; user: whose commands it
+    runs, root or learner; env: for them."""
 
     def __init__(self, base, user="root", checkout="/srv/actions_tutorial"):
         super().__init__()

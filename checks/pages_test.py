@@ -91,7 +91,6 @@ def test_layout():
 
 
 def test_parameters():
-    """Each parameter of the client is on the page, with its default, and no other."""
     page = text_of("README.md")
     usage = run(os.path.join(ROOT, "tutorial"), "shell", os.path.join(ROOT, "scripts", "action_client.py"), "--help")
     real = {name: float(default) for name, default in re.findall(r"~(\w+).*\(default (\S+)\)", usage)}
@@ -103,14 +102,12 @@ def test_parameters():
 
 
 def test_states():
-    """The numbers of the states are those of actionlib_msgs/GoalStatus."""
     shown = re.findall(r"\b(\d) ([A-Z]+)", re.search(r"numbers in `status`: (.*)", text_of("README.md")).group(1))
     real = run(os.path.join(ROOT, "tutorial"), "shell", "rosmsg", "show", "actionlib_msgs/GoalStatus")
     assert sorted(shown) == sorted((number, name) for name, number in re.findall(r"uint8 ([A-Z]+)=(\d)", real))
 
 
 def test_pictures():
-    """Each mermaid picture parses."""
     texts = [text for _, language, _, text in blocks_of("README.md") if language == "mermaid"]
     assert len(texts) >= 3
     if subprocess.run(["sh", "-c", "node -e 'require.resolve(\"jsdom\"); require.resolve(\"mermaid\")'"]).returncode:

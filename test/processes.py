@@ -18,13 +18,9 @@ PACKAGE = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))  # its fo
 
 
 def eventually(condition, what, *concerned, timeout=50, news=None, pause=0.02):
-    """Wait until condition() is true, and return its value. It is asked every pause (s), and when news
-    (threading.Condition) is notified.
-
-    AssertionError with what (str) and all that those concerned (Process, RawClient) have said, after timeout (s), and
-    at once when a Process among them has ended. A second at once counts at the most: a machine that stood still itself,
-    as virtual ones do, has made nobody late.
-    """
+    """Wait until condition() is true, and return its value. It is asked every pause (s), and at news
+    (threading.Condition). AssertionError with what (str) and all that those concerned (Process, RawClient) have said,
+    after timeout (s), and when a Process among them has ended."""
     waited, now, news = 0, time.monotonic(), news or threading.Condition()
     with news:
         while True:
@@ -33,7 +29,7 @@ def eventually(condition, what, *concerned, timeout=50, news=None, pause=0.02):
             if value:
                 return value
             before, now = now, time.monotonic()
-            waited += min(now - before, 1)
+            waited += min(now - before, 1)  # a virtual machine that stood still itself has made nobody late
             if over or waited > timeout:
                 raise AssertionError("\n".join(
                     ["expected: %s; not so after %.1f s" % (what, waited)] + [str(one) for one in concerned]))
@@ -41,11 +37,8 @@ def eventually(condition, what, *concerned, timeout=50, news=None, pause=0.02):
 
 
 class Process:
-    """A command (list of str) in a process group of its own, with env (dict of str) added to the environment.
-
-    lines: [(seconds since the start, "stdout" or "stderr", text without newline)] of what is not sent elsewhere by
-    popen (as of subprocess.Popen), as they come; usage: psutil.Process.
-    """
+    """A command (list of str) in a process group of its own, with env (dict of str) added to the environment; popen: of
+    subprocess.Popen. lines: [(s since the start, "stdout" or "stderr", text)], as they come; usage: psutil.Process."""
 
     def __init__(self, command, env=None, **popen):
         self.command, self.lines, self._news, self.started = command, [], threading.Condition(), time.monotonic()

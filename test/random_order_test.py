@@ -1,10 +1,9 @@
 #!/usr/bin/python3
 """What clients do with goals, in orders that chance makes up: after each step the server keeps its word, and after all
-of them nothing has piled up in it. The clock stands still while we wait: a server that looks for a cancel or a newer
-goal now and then would never answer.
+nothing has piled up in it. The clock stands still: a server that looks for a stop now and then would never answer.
 
-SEQUENCES (240) in the environment says how many; SEED (a new one each time, printed) repeats a run. The first third has
-a seed of its own, so that what no other test notices is noticed in each run.
+SEQUENCES (240) in the environment says how many; SEED (printed) repeats a run. The first third has a seed of its own,
+so that what no other test notices is noticed in each run.
 """
 import os
 import random
@@ -20,7 +19,7 @@ from scenes import ServerCase
 SEQUENCES = int(os.environ.get("SEQUENCES", 240))
 SEED = int(os.environ.get("SEED", random.randrange(2**32)))
 STEPS = 12  # of a sequence; so few can be read as they are
-GROWTH = 1024  # KiB of resident memory, from the end of the first third to the end of the last one; usual are 200
+GROWTH = 1024  # KiB of resident memory, from the end of the first third to the end of the last one; usual are 220
 WAYS = "cancel", "cancel all", "newer", "newer at once"
 
 

@@ -19,13 +19,10 @@ ENDINGS = {PREEMPTED, SUCCEEDED, ABORTED, RECALLED, GoalStatus.REJECTED}
 
 
 class RawClient:
-    """Stands for the clients of wash_dishes_as in a namespace (str); topics: those that the other end has.
-
-    feedback, results: goal id -> its messages; states: goal id -> [status numbers in the order seen]; status: the last
-    GoalStatusArray; times: (goal id, "sent", status number, bowl or "result") -> time.monotonic() of the first one;
-    shown: (goal id, status number) -> stamp of the first status that showed it;
-    active_at_once: the most goals that one status message showed as ACTIVE or PREEMPTING.
-    """
+    """The clients of wash_dishes_as in a namespace (str); topics: those that the other end has. feedback, results: goal
+    id -> its messages; states: goal id -> [status numbers in the order seen]; times: (goal id, "sent", status number,
+    bowl or "result") -> time.monotonic() of the first one; shown: (goal id, status number) -> stamp of the first status
+    that showed it; active_at_once: the most goals that one status showed as ACTIVE or PREEMPTING."""
 
     _numbers = itertools.count()
 

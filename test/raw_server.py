@@ -27,13 +27,9 @@ def client_of(action, **options):
 
 
 class RawServer:
-    """Serves action (str) to client, one of this process, which is made here.
-
-    What it sends, the client has heard when the call returns: rospy calls the subscribers of a topic in the order in
-    which they were made, and ours came after the client's. With wait=False, for a callback that blocks, it may not.
-    goals: [WashTheDishesActionGoal] that came, also again: a client repeats one that waits for its answer; cancels: ids
-    of those that came; done: [(state, bowls)], fed: [bowl], active: [True] as the client's callbacks were called.
-    """
+    """Serves action (str) to client, which is made here and has heard what is sent when the call returns: rospy calls a
+    topic's subscribers in their order, ours last. With wait=False, for a callback that blocks, it may not have. goals:
+    those that came, also again; cancels: ids; done: [(state, bowls)], fed: [bowl], active: [True], by its callbacks."""
 
     _numbers = itertools.count()
 

@@ -104,11 +104,8 @@ class NodeCase(unittest.TestCase):
 
 
 def concurrently(place, at_once=2):
-    """Class decorator: run a TestCase's tests side by side, as they mostly wait; each still has its own outcome.
-
-    The first of them starts them all. Each test is given a place of its own, place(its name) (Scene or Master), and
-    shares nothing else; it has no set-up nor tear-down methods.
-    """
+    """Class decorator: the first of a TestCase's tests starts them all side by side, as they mostly wait. Each has its
+    own outcome and place(its name) (Scene or Master), shares nothing else, and has no set-up nor tear-down methods."""
     pool, runs = ThreadPoolExecutor(at_once), {}
 
     def run(test):
