@@ -201,7 +201,7 @@ class Units(unittest.TestCase):
             with mock.patch.object(node, "_wait_for_master", side_effect=KeyboardInterrupt), \
                     arguments("--help"), self.assertRaises(KeyboardInterrupt):  # without usage, --help is not ours
                 robust.init_node("node", disable_signals=True)
-        with warnings.catch_warnings(record=True) as said:
+        with warnings.catch_warnings(record=True) as said, mock.patch.object(node, "_wait_for_master") as waited:
             warnings.simplefilter("always")
             for name, words in ("a/b", "namespaces are not"), ("", "must not be empty"), (None, "must not be empty"):
                 for library in rospy, robust:
@@ -209,6 +209,7 @@ class Units(unittest.TestCase):
                         library.init_node(name)
         with self.assertRaises(TypeError):  # as rospy's
             robust.init_node(5)
+        waited.assert_not_called()
         self.assertEqual([], said)  # of files that stay open
         with arguments("--help"), contextlib.redirect_stdout(io.StringIO()), self.assertRaises(SystemExit):
             robust.init_node("node", usage="how to")
