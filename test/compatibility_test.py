@@ -47,18 +47,14 @@ class Compatibility(unittest.TestCase):
         rospy.init_node("compatibility", disable_signals=True)
         cls.by_callback = ByCallback("by_callback")
 
-    def client(self, name, kind=robust.SimpleActionClient):
-        client = kind(name, TestAction)
-        self.assertTrue(client.wait_for_server(PATIENCE))
-        return client
-
     def ends(self, client, state):
         self.assertTrue(client.wait_for_result(PATIENCE))
         self.assertEqual(state, client.get_state())
 
     def test_goal_callback_with_a_client_of_actionlib_and_of_ours(self):
         for kind in actionlib.SimpleActionClient, robust.SimpleActionClient:
-            client = self.client("by_callback", kind)
+            client = kind("by_callback", TestAction)
+            self.assertTrue(client.wait_for_server(PATIENCE))
             if kind is robust.SimpleActionClient:  # actionlib's can lose an ending that comes while it sends the goal
                 client.send_goal(TestGoal(0))
                 self.ends(client, GoalStatus.SUCCEEDED)
