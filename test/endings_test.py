@@ -213,10 +213,12 @@ class Endings(NodeCase):
             self.assertAlmostEqual(2, statistics.median(gaps) * frequency, delta=0.9)
             server.stop()
 
-    def test_second_server_of_an_action_names_the_node_of_the_first(self, scene):
-        scene.server(GUEST, "polite", "__name:=first")
-        second = scene.start(GUEST, "polite", "__name:=second")
-        second.expect("%s.*%s/first" % (scene.action[:-1], scene.namespace))
+    def test_second_server_of_an_action_names_the_node_of_the_first_its_own_too(self, scene):
+        first = scene.server(GUEST, "polite", "__name:=first")
+        for kinds, name, other in (["polite"], "second", "first"), (["polite", "polite"], "both", "both"):
+            node = scene.start(GUEST, *kinds, "__name:=" + name)
+            node.expect("wash_dishes_as has another server, in the node %s/%s: " % (scene.namespace, other))
+        self.assertNotIn("another server", str(first))
 
 
 if __name__ == "__main__":

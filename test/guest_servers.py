@@ -134,11 +134,8 @@ def in_a_thread(server):
 
 
 def with_silent_peers(name):
-    """One connects before the server is there, one after."""
-    address = rospy.impl.tcpros_base.get_tcpros_server_address()
-    peers = [socket.create_connection(address)]
-    time.sleep(0.5)  # until rospy has accepted that
-    return Guest(name, sleep), peers, socket.create_connection(address)
+    server, address = Guest(name, sleep), rospy.impl.tcpros_base.get_tcpros_server_address()
+    return server, [socket.create_connection(address) for _ in range(2)]
 
 
 def that_is_stopped(name):

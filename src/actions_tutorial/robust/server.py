@@ -13,7 +13,6 @@ import os
 import threading
 import time
 import traceback
-import weakref
 from typing import Any, Callable, Optional
 
 import actionlib
@@ -31,9 +30,6 @@ FEEDBACK_HEAD_START = 0.02  # s; with 5 ms, 9 of 1000 results overtook theirs on
 SHUTTING_DOWN = "the server is shutting down"
 _RECALLABLE = GoalStatus.PENDING, GoalStatus.RECALLING
 _RUNNING = GoalStatus.ACTIVE, GoalStatus.PREEMPTING
-
-# Those of this process, by the resolved names of their actions.
-_servers: weakref.WeakValueDictionary = weakref.WeakValueDictionary()
 
 
 class SimpleActionServer(actionlib.SimpleActionServer):
@@ -82,7 +78,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             self.execute_thread = threading.Thread(target=self.executeLoop)
             self.execute_thread.start()
         shutdown.at_end(self.__shut_down)
-        threading.Thread(target=self.__look_for_twins, daemon=True).start()
+        in_this_node = self.action_server.result_pub.impl.ref_count > 1
+        threading.Thread(target=self.__look_for_twins, args=[in_this_node], daemon=True).start()
         self.__log(lambda: "%s waits for goals" % self.__name)
 
     def __stopped(self):
@@ -246,11 +243,9 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             if self.preempt_callback and self.is_active():
                 self.preempt_callback()
 
-    def __look_for_twins(self):
+    def __look_for_twins(self, in_this_node):
         """Without it, each client of two servers of one action sees everything twice, and nobody says why."""
-        twin = _servers.setdefault(self.__name, self)
-        others = {rospy.get_name()} if twin is not self and twin.action_server.started else set()
-        _servers[self.__name] = self
+        others = {rospy.get_name()} if in_this_node else set()
         with contextlib.suppress(*NO_ANSWER):
             publishers, _, _ = ask(rosgraph.get_master_uri(), "getSystemState", timeout=2)
             for node in set(dict(publishers).get(self.action_server.status_pub.resolved_name, ())) - {rospy.get_name()}:
@@ -302,7 +297,7 @@ class _ActionServer(actionlib.ActionServer):
         super().initialize()
         need("actionlib", self, "status_timer", "_frequency", "started", "lock", "status_list", "last_cancel",
              "status_pub", "feedback_pub", "result_pub", "ActionResult", "ActionResultType")
-        need("rospy", self.result_pub, "impl.buff")
+        need("rospy", self.result_pub, "impl.buff", "impl.ref_count")
         self.status_timer = rospy.Timer(rospy.Duration(1 / self._frequency), self.publish_status_async, reset=True)
 
     def publish_status(self):
