@@ -8,7 +8,7 @@ import os
 import signal
 import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from unittest import mock
 
 import genpy
@@ -144,7 +144,11 @@ class Reports(NodeCase):
         begun = time.monotonic()
         self.assertFalse(any(raw.client.wait_for_result(0.001) for _ in range(100)))
         self.assertLess(time.monotonic() - begun, 8, "s for 100 waits of a millisecond")
-        raw.result(goal)
+        with ThreadPoolExecutor() as thread:
+            for_ever = thread.submit(raw.client.wait_for_result, -1)  # as actionlib's
+            self.assertFalse(wait([for_ever], 0.3).done)
+            raw.result(goal)
+            self.assertTrue(for_ever.result(30))
         for timeout in 30, 30.0, 0, rospy.Duration(30), rospy.Duration(), genpy.Duration(30):
             self.assertTrue(raw.client.wait_for_result(timeout), timeout)
         self.assertEqual(PENDING, raw.client.send_goal_and_wait(WashTheDishesGoal(1), 0.2, 0.2))
