@@ -888,11 +888,11 @@ class Units(unittest.TestCase):
             with self.assertRaisesRegex(rospy.ROSInitException, "^tcpros_port is %r: " % port):
                 peers.check_port("tcpros_port", port)
 
-    def test_period_begins_with_a_simulated_clock_that_begins_during_a_sleep_and_after_one_set_back_with_its_end(self):
+    @mock.patch.object(rospy.rostime, "_rostime_initialized", True)
+    def test_period_begins_with_a_clock_that_begins_in_a_sleep_or_after_one_set_back_with_its_end_else_as_rospys(self):
         self.addCleanup(rospy.rostime.switch_to_wallclock)
-        self.addCleanup(rospy.rostime.set_rostime_initialized, False)
-        rospy.rostime.set_rostime_initialized(True)
-        for begin, *seconds, end in (0, 0, 100, 100.5, 101), (100, 10, 10.5, 11):
+        for begin, *seconds, end, next_begins in (
+                (0, 0, 100, 100.5, 101, 101), (100, 10, 10.5, 11, 11), (100, 100.25, 203.5, 101)):
             rospy.rostime._set_rostime(rospy.Time(begin))
             looked, a_rate = [], rate.Rate(1, bool)
             a_rate.remaining = lambda a_rate=a_rate: looked.append(1) or rospy.Rate.remaining(a_rate)
@@ -903,8 +903,16 @@ class Units(unittest.TestCase):
                     self.assertFalse(slept.done(), "ended at %s" % second)
                     rospy.rostime._set_rostime(rospy.Time(second))
                 self.assertTrue(slept.result(10))
-            self.assertEqual(end, a_rate.last_time.to_sec())
+            self.assertEqual(next_begins, a_rate.last_time.to_sec())
+        for late in 1, 2.5, 3, 3.5, 100.5:  # it catches up if it is late by up to two periods
+            rospy.rostime._set_rostime(rospy.Time(100))
+            both = rate.Rate(1, bool), rospy.Rate(1)
+            rospy.rostime._set_rostime(rospy.Time(100 + late))
+            for one in both:
+                one.sleep()
+            self.assertEqual(*(one.last_time for one in both))
 
+    @mock.patch.object(rospy.rostime, "_rostime_initialized", True)
     def test_rate_asks_whether_to_stop_without_the_clock_s_lock_and_hears_whoever_wakes_it_meanwhile(self):
         def stop_requested():
             waker = shutdown.aside(rate.wake)  # which takes that lock
@@ -913,10 +921,17 @@ class Units(unittest.TestCase):
             return asked[1:]
 
         asked = []
-        self.addCleanup(rospy.rostime.set_rostime_initialized, False)
-        rospy.rostime.set_rostime_initialized(True)
         self.assertFalse(rate.Rate(0.1, stop_requested).sleep())
         self.assertEqual([False, False], asked)
+
+    @mock.patch.object(rospy.rostime, "_rostime_initialized", True)
+    def test_rate_sleeps_until_its_end_in_real_time_or_news_of_a_simulated_clock_and_does_not_poll(self):
+        for left in 100, None:
+            clock, a_rate = mock.MagicMock(), rate.Rate(1, mock.Mock(side_effect=[False, True]))
+            a_rate.remaining = lambda: rospy.Duration(100)
+            with mock.patch.multiple(rospy.rostime, get_rostime_cond=lambda: clock, is_wallclock=lambda: bool(left)):
+                self.assertFalse(a_rate.sleep())
+            clock.wait.assert_called_once_with(left)
 
     def test_whoever_wakes_one_rate_wakes_all(self):
         def sleep():
@@ -1096,7 +1111,7 @@ class Units(unittest.TestCase):
             one.action_server.publish_status()
             self.assertEqual([("next", GoalStatus.ACTIVE)], shown())
 
-    def test_status_shows_an_ending_also_where_the_clock_leaps_while_it_is_made_up(self):
+    def test_status_shows_an_ending_also_where_the_clock_leaps_meanwhile_and_for_5_s_after_one_was_set_back(self):
         one = self.serving()
         one.action_server.status_list_timeout = rospy.Duration(5)
         one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id="goal")))
@@ -1105,6 +1120,11 @@ class Units(unittest.TestCase):
             one.set_succeeded()
         shown, = one.action_server.status_pub.publish.call_args[0][0].status_list
         self.assertEqual(("goal", GoalStatus.SUCCEEDED), (shown.goal_id.id, shown.status))
+        for now, shows in (700, ["goal"]), (705, ["goal"]), (706, []):
+            with mock.patch.object(rospy.Time, "now", return_value=rospy.Time(now)):
+                one.action_server.publish_status_async(None)
+            statuses = one.action_server.status_pub.publish.call_args[0][0].status_list
+            self.assertEqual(shows, [status.goal_id.id for status in statuses])
 
     def test_what_is_logged_of_a_goal_holds_up_neither_it_nor_its_ending_and_is_what_came(self):
         one, lines, goal = self.serving(), [], TestActionGoal(goal_id=GoalID(id="\x1b" * 1000))
@@ -1125,9 +1145,11 @@ class Units(unittest.TestCase):
             with mock.patch.object(rospy, "loginfo") as said:
                 one.action_server.publish_status_async(None)  # the next heartbeat
             self.assertIn("goal accepted: goal 7", said.call_args_list[-2][0][1])
+            one.action_server.internal_goal_callback(TestActionGoal(goal_id=goal.goal_id))
+            self.assertFalse(one.is_new_goal_available())
         ignored = "/work: goal ignored: its id %.60r is that of a recent goal" % goal.goal_id.id
-        self.assertEqual(["woken", "woken", (ignored, True, 0),
-                          ("/work: the result cannot be sent: no", False, 2)], lines)
+        self.assertEqual(["woken", "woken", (ignored, True, 0), ("/work: the result cannot be sent: no", False, 2),
+                          "woken", (ignored, True, 2)], lines)
 
     def test_whoever_wakes_a_rate_waits_for_nobody(self):  # a signal handler of rospy's, say, that holds the lock
         with rospy.rostime.get_rostime_cond():
