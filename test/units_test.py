@@ -815,6 +815,11 @@ class Units(unittest.TestCase):
         server.shutdown()
         server.run()
 
+    def test_thread_that_accepts_peers_goes_on_after_it_has_run_out_of_files(self):
+        with mock.patch.object(peers, "_rospy_run", side_effect=[OSError, None]) as run:
+            peers._run(mock.Mock(**{"server_sock.fileno.return_value": 1}))
+        self.assertEqual(2, run.call_count)
+
     def test_silent_peer_is_let_go_and_holds_up_nobody_one_that_speaks_slowly_is_heard_and_one_may_be_gone(self):
         heard, header = [], encode_ros_handshake_header({"topic": "topic"})
         _, connect = self.peers_server(lambda *_: heard.append(1))
