@@ -3,7 +3,6 @@
 import os
 import pty
 import signal
-import subprocess
 import tempfile
 import termios
 import time
@@ -47,14 +46,6 @@ class OutputFaults(NodeCase):
                 ('ROS_HOME=/dev/null ROS_LOG_DIR=/dev/null/log "$@"', "cannot create log directory"))):
             with Scene("%s_%d" % (scene.namespace, number)) as own:
                 self.serves_on(own, around, *words)
-
-    def test_log_on_a_full_disk(self, scene):
-        # In a mount namespace of each node's own, so that it goes with the node.
-        inside = "unshare --mount " + "--map-root-user " * (os.geteuid() != 0)
-        if subprocess.call(inside + "mount -t tmpfs tmpfs /mnt", shell=True, stderr=subprocess.DEVNULL):
-            self.skipTest("needs the right to mount a small tmpfs: root, or user namespaces")
-        full = 'mount -t tmpfs -o size=64k tmpfs "$ROS_LOG_DIR" && cat /dev/zero > "$ROS_LOG_DIR/zero" 2> /dev/null'
-        self.serves_on(scene, inside + "sh -c '" + full + '; exec "$@"\' sh "$@"', "cannot log to")
 
     def test_stdout_that_is_stopped_holds_up_no_goal_and_not_the_end(self, scene):
         reader, terminal = pty.openpty()
