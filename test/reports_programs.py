@@ -11,7 +11,6 @@ import time
 import weakref
 import xmlrpc.client
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
-from unittest import mock
 
 import actionlib
 import rospy
@@ -144,23 +143,6 @@ def leave_nothing():
                "threads, connections, objects after 20 more, %s, as after 3, %s" % (left(), before),
                here, threading.enumerate(), timeout=10)
     print("nothing")
-
-
-def short_waits():
-    """Each question takes longer than the wait."""
-    def far_away(*args, **options):
-        time.sleep(0.1)
-        return request(*args, **options)
-
-    serve("work")
-    client, request = client_of("work"), xmlrpc.client.Transport.request
-    with mock.patch.object(xmlrpc.client.Transport, "request", far_away):
-        eventually(lambda: client.wait_for_server(rospy.Duration(0.01)), "the server", timeout=20, pause=0.5)
-        before = threading.active_count()
-        for nobody in [client_of("nobody_%d" % number) for number in range(5)] * 3:
-            assert not nobody.wait_for_server(rospy.Duration(0.01))
-        eventually(lambda: threading.active_count() <= before, "no thread that is left", timeout=10)
-    print("found")
 
 
 def fast():

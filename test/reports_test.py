@@ -487,7 +487,6 @@ class Reports(NodeCase):
     test_goals_are_served_and_a_heart_beats_on_on_a_clock_that_was_set_back = in_program(
         "clock_set_back", prints="after a goal: SUCCEEDED\nafter a cancel up to then: SUCCEEDED\n"
                                  "during a goal: SUCCEEDED\nfor a heartbeat: SUCCEEDED", simulated=True)
-    test_short_waits_for_a_server_far_away_find_it_and_leave_no_threads = in_program("short_waits", prints="found")
     test_stopped_clients_and_servers_leave_nothing = in_program("leave_nothing", prints="nothing")
     test_server_takes_goals_up_without_a_pause = in_program("pauses", prints="none")
 

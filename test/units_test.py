@@ -747,6 +747,11 @@ class Units(unittest.TestCase):
         asked._SimpleActionClient__silent = asked.action_client.last_status_msg  # since the server is lost
         self.assertFalse(robust.SimpleActionClient._SimpleActionClient__is_connected(asked))
 
+    def test_short_wait_for_a_server_far_away_finds_it_and_a_look_does(self):
+        for timeout in 0.001, -1:
+            self.assertTrue(node.wait_for("server", lambda: time.sleep(0.01) or True, timeout))
+            self.assertFalse(node.wait_for("server", lambda: False, timeout))
+
     def test_server_lives_if_its_node_answers_at_the_other_end_of_a_connection(self):
         asked, uris = mock.MagicMock(), [mock.Mock(endpoint_id=uri) for uri in ("gone", "lives")]
         lives = robust.SimpleActionClient._SimpleActionClient__server_lives
