@@ -565,7 +565,8 @@ class Units(unittest.TestCase):
         self.addCleanup(signal.signal, signal.SIGTERM, signal.signal(signal.SIGTERM, handled))
         with closer() as one, mock.patch.object(rospy, "signal_shutdown", run_hooks), \
                 mock.patch.object(shutdown, "hooks_thread", None), mock.patch.object(shutdown.Closer, "ident", 1), \
-                mock.patch.object(rospy.core, "_shutdown_hooks", []), mock.patch.dict(rospy.core._xmlrpc_cache):
+                mock.patch.object(rospy.core, "_shutdown_hooks", []), mock.patch.dict(rospy.core._xmlrpc_cache), \
+                mock.patch.object(shutdown, "CLOSED_WITHIN", 15):
             begun = time.monotonic()
             one._finish()
             self.assertLess(time.monotonic() - begun, shutdown.CLOSED_WITHIN, "s")
@@ -687,7 +688,8 @@ class Units(unittest.TestCase):
                     self.assertEqual(silence, goal.silence, (goal_id, message))
 
     def test_feedback_that_nobody_wants_is_no_error(self):
-        robust.SimpleActionClient._handle_feedback(mock.MagicMock(feedback_cb=None), mock.Mock(), None)
+        asked = mock.MagicMock(feedback_cb=None)
+        robust.SimpleActionClient._handle_feedback(asked, asked.gh, None)
 
     def test_goal_of_a_handle_that_a_subclass_has_made_as_actionlib_does_has_feedback_and_its_end(self):
         for base in actionlib.SimpleActionClient, robust.SimpleActionClient:
@@ -777,27 +779,20 @@ class Units(unittest.TestCase):
         return goal, result
 
     def test_goal_that_is_lost_while_its_result_comes_or_while_a_callback_takes_its_time_has_one_ending(self):
-        def meanwhile(_):
-            threads.append(thread.submit(*second))
-            threading.Event().wait(0.1)
+        def enter(_):
+            goal.mutex = mutex
+            first()
 
-        threads, ends = [], []
-        with ThreadPoolExecutor(1) as thread:
-            lost, result = self.goal_and_result(lambda gh: ends.append(gh.get_goal_status()), send_cancel=meanwhile)
-            second = lost.update_result, result
-            lost.lose("why")
-            threads[-1].result()
-            ended, result = self.goal_and_result(meanwhile)
-            second = ended.lose, "why"
-            ended.update_result(result)
-            for each in threads:
-                each.result()
-        self.assertEqual(([GoalStatus.LOST], GoalStatus.LOST), (ends[-1:], lost.latest_goal_status.status))
-        lost.feedback_cb = ended.feedback_cb = mock.Mock()
-        for goal in lost, ended:
+        for is_lost, ending in (True, (GoalStatus.LOST, "why")), (False, (GoalStatus.SUCCEEDED, "")):
+            goal, result = self.goal_and_result(None, mock.Mock())
+            ways = functools.partial(goal.update_result, result), functools.partial(goal.lose, "why")
+            first, second = reversed(ways) if is_lost else ways
+            mutex, goal.mutex = goal.mutex, mock.MagicMock(__enter__=enter)  # as if the other had it, in another thread
+            second()
+            self.assertEqual(ending, (goal.latest_goal_status.status, goal.why))
+            goal.feedback_cb = mock.Mock()
             goal.update_feedback(TestActionFeedback(status=result.status))
-        self.assertEqual(1, ended.feedback_cb.call_count, "feedback of a goal that is LOST, or none of one that ended")
-        self.assertEqual((GoalStatus.SUCCEEDED, ""), (ended.latest_goal_status.status, ended.why))
+            self.assertEqual(not is_lost, goal.feedback_cb.called, "feedback of a LOST goal, or none of another")
 
     def peers_server(self, connection_handler=None):
         """Returns rospy's server for peers, a new one, mended; and a function that connects to it and sends bytes."""
