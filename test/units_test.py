@@ -553,7 +553,7 @@ class Units(unittest.TestCase):
             self.assertTrue(one._closed.is_set())
         self.assertEqual((1, 3), (wake.call_count, len(hooks)))
 
-    def test_hooks_at_the_end_of_a_program_run_in_its_thread_and_a_handler_that_interrupts_them_waits_for_nothing(self):
+    def test_handler_of_the_program_is_called_when_the_node_is_down_but_waits_for_no_hooks_that_it_interrupts(self):
         def run_hooks(_):
             if not ran_in:  # as rospy's
                 ran_in.append(threading.current_thread())
@@ -561,16 +561,24 @@ class Units(unittest.TestCase):
                 os.kill(os.getpid(), signal.SIGTERM)
                 one._closed.set()
 
-        ran_in, handled = [], mock.Mock()
-        self.addCleanup(signal.signal, signal.SIGTERM, signal.signal(signal.SIGTERM, handled))
+        def handle(*_):
+            handled.append(one._closed.is_set())
+
+        ran_in, handled = [], []
+        self.addCleanup(signal.signal, signal.SIGTERM, signal.signal(signal.SIGTERM, handle))
         with closer() as one, mock.patch.object(rospy, "signal_shutdown", run_hooks), \
                 mock.patch.object(shutdown, "hooks_thread", None), mock.patch.object(shutdown.Closer, "ident", 1), \
                 mock.patch.object(rospy.core, "_shutdown_hooks", []), mock.patch.dict(rospy.core._xmlrpc_cache), \
-                mock.patch.object(shutdown, "CLOSED_WITHIN", 15):
+                mock.patch.object(shutdown, "CLOSED_WITHIN", 15), \
+                mock.patch.object(rospy.core, "is_initialized", return_value=True):
             begun = time.monotonic()
             one._finish()
             self.assertLess(time.monotonic() - begun, shutdown.CLOSED_WITHIN, "s")
-        handled.assert_called_once()
+            one._closed.clear()
+            shutdown.hooks_thread = 1  # not this one
+            threading.Timer(0.1, one._closed.set).start()
+            signal.raise_signal(signal.SIGTERM)
+        self.assertEqual([False, True], handled)
         self.assertEqual([threading.main_thread()], ran_in)
 
     def test_line_on_a_goal_that_another_thread_has_just_taken_is_no_error(self):
@@ -748,6 +756,13 @@ class Units(unittest.TestCase):
                 self.assertEqual(is_there, robust.SimpleActionClient._SimpleActionClient__is_connected(asked))
         asked._SimpleActionClient__silent = asked.action_client.last_status_msg  # since the server is lost
         self.assertFalse(robust.SimpleActionClient._SimpleActionClient__is_connected(asked))
+
+    def test_shutdown_cancels_the_client_s_goal_but_none_that_a_hook_has_sent(self):
+        for in_hook in False, True:
+            goal = mock.Mock(in_hook=in_hook, simple_state=SimpleGoalState.DONE)
+            robust.SimpleActionClient._SimpleActionClient__end_goal(
+                mock.Mock(_SimpleActionClient__goal=lambda goal=goal: goal), 0)
+            self.assertEqual(not in_hook, goal.cancel.called)
 
     def test_short_wait_for_a_server_far_away_finds_it_and_a_look_does(self):
         for timeout in 0.001, -1:
@@ -965,6 +980,13 @@ class Units(unittest.TestCase):
         for topic in "status_pub", "feedback_pub", "result_pub":
             setattr(one.action_server, topic, mock.Mock())
         return one
+
+    def test_loop_of_a_server_to_which_a_goal_comes_while_it_looks_does_not_wait(self):
+        asked = mock.MagicMock(new_goal=False)
+        asked.is_new_goal_available = lambda: setattr(asked, "new_goal", True)  # None: it found none
+        type(asked).need_to_terminate = mock.PropertyMock(side_effect=[False, True])
+        robust.SimpleActionServer.executeLoop(asked)
+        asked.execute_condition.wait.assert_not_called()
 
     def test_server_that_its_subclass_or_program_starts_in_a_way_of_its_own_begins_once_and_ends_when_told(self):
         class Own(robust.SimpleActionServer):
