@@ -12,10 +12,10 @@ from processes import PACKAGE, Master, check_client, eventually, run
 
 LAUNCH = "actions_tutorial", "wash_the_dishes.launch"
 
-# Holds a node up for a second: at the first, second, … (int) of Python's audit events of a name (str), counted from
-# when robust begins its imports.
-HOLD = """
-import sys, time
+# Runs a node, a file (str), that is held up for a second: at the first, second, … (int) of Python's audit events of a
+# name (str), counted from when robust begins its imports.
+HELD_UP = """
+import runpy, sys, time
 seen = 0
 def hold(event, args):
     global seen
@@ -25,14 +25,8 @@ def hold(event, args):
             print("here", flush=True)
             time.sleep(1)
 sys.addaudithook(hold)
+runpy.run_path(%r, run_name="__main__")
 """
-
-
-def node_after(master, code, name):
-    """Start one of the package's nodes in a Python that has run code (str). -> Process"""
-    path = os.path.join(PACKAGE, "scripts", name)
-    return master.start("/usr/bin/python3", "-c", "%s\nimport runpy\nrunpy.run_path(%r, run_name='__main__')" % (
-        code, path))
 
 
 def launch(master, *arguments):
@@ -109,7 +103,8 @@ class StartFaults(unittest.TestCase):
         for name in "action_server.py", "action_client.py":
             for held in (("import", 1), ("import", 100), ("import", 300), ("socket.connect", 1), ("socket.connect", 2),
                          ("socket.bind", 1), ("socket.bind", 2)):
-                node = node_after(master, HOLD % held, name)
+                path = os.path.join(PACKAGE, "scripts", name)
+                node = master.start("/usr/bin/python3", "-c", HELD_UP % (*held, path))
                 node.expect("here")
                 node.signal(signal.SIGINT)
                 self.assertIn(node.wait(), (0, 1, -signal.SIGINT), node)
