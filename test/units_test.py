@@ -868,7 +868,7 @@ class Units(unittest.TestCase):
             connect(encode_ros_handshake_header({"topic": "topic"}))
         eventually(lambda: len(most) == 20 and not inside, "20 connections")
         one_at_a_time = peers._OneAtATime(alone)
-        with ThreadPoolExecutor(20) as threads:
+        with mock.patch.object(peers, "ANSWERS_WITHIN", 60), ThreadPoolExecutor(20) as threads:
             threads.map(one_at_a_time, ["topic"] * 20, ["uri"] * 20)
         self.assertEqual(0, len(one_at_a_time._locks))
         one_at_a_time = peers._OneAtATime(lambda *_: None)
