@@ -60,15 +60,13 @@ def show():
     file get them at the next catch_up(). Without it, a first feedback waits 0.3 ms for rospy's own way to a line."""
     terminal = next((one for one in _taken if isinstance(one, RosStreamHandler)), None)
     if not _soon or not terminal or "ROSCONSOLE_FORMAT" in os.environ or not rospy.rostime.is_wallclock() or \
-            not logging.getLogger("rosout").isEnabledFor(logging.INFO) or logging.INFO < terminal.level or \
-            _terminal or not _takes_a_line(terminal._stdout):
+            not logging.getLogger("rosout").isEnabledFor(logging.INFO) or logging.INFO < terminal.level:
         return catch_up()
     for line in _taken_off():
         text = line()
-        size = len(text.encode("utf-8", "replace"))
-        if not isinstance(text, _Shown) and size < AT_ONCE:
+        if not isinstance(text, _Shown):
             text = _Shown(text)
-            _write_at_once(terminal._stdout, size, functools.partial(
+            _write_at_once(terminal._stdout, len(text.encode("utf-8", "replace")), functools.partial(
                 _write, terminal, terminal._stdout.write, "[INFO] [%f]: %s\n" % (time.time(), text)))
         _soon.append(lambda text=text: text)
 
