@@ -213,8 +213,8 @@ class Units(unittest.TestCase):
                 for library in rospy, robust:
                     with self.assertRaisesRegex(ValueError, words):
                         library.init_node(name)
-        with self.assertRaises(TypeError):  # as rospy's
-            robust.init_node(5)
+            with self.assertRaises(TypeError):  # as rospy's
+                robust.init_node(5)
         waited.assert_not_called()
         self.assertEqual([], said)  # of files that stay open
         with arguments("--help"), contextlib.redirect_stdout(io.StringIO()), self.assertRaises(SystemExit):
@@ -843,6 +843,7 @@ class Units(unittest.TestCase):
             gone.close()
             connect(header)
             eventually(lambda: heard, "the peer that speaks")
+            silent.settimeout(30)
             self.assertEqual(b"", silent.recv(1))
             slow.sendall(header[3:])
             eventually(lambda: len(heard) == 2, "the slow one")
