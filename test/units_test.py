@@ -120,6 +120,7 @@ class Units(unittest.TestCase):
                 ("_name:=x", 2, "unknown parameter ~name, must be one of ~n; __name:=VALUE names the node")):
             said = io.StringIO()
             with arguments(argument), contextlib.redirect_stderr(said), contextlib.redirect_stdout(said), \
+                    mock.patch.object(node, "_wait_for_master", side_effect=AssertionError(argument)), \
                     self.assertRaises(SystemExit) as end:
                 robust.init_node("node", usage="how to", parameters={"~n": (7, 0, 9)})
             self.assertEqual((status, 1), (end.exception.code, said.getvalue().count("\n")), said.getvalue())
