@@ -564,8 +564,7 @@ class Units(unittest.TestCase):
         with closer() as one, mock.patch.object(rospy, "signal_shutdown", run_hooks), \
                 mock.patch.object(shutdown, "hooks_thread", None), mock.patch.object(shutdown.Closer, "ident", 1), \
                 mock.patch.object(rospy.core, "_shutdown_hooks", []), mock.patch.dict(rospy.core._xmlrpc_cache), \
-                mock.patch.object(shutdown, "CLOSED_WITHIN", 15), \
-                mock.patch.object(rospy.core, "is_initialized", return_value=True):
+                mock.patch.object(shutdown, "CLOSED_WITHIN", 15):
             begun = time.monotonic()
             one._finish()
             self.assertLess(time.monotonic() - begun, shutdown.CLOSED_WITHIN, "s")
@@ -1017,6 +1016,16 @@ class Units(unittest.TestCase):
             one.executeLoop()
         wait.assert_called_with(0.1)
         self.assertEqual([True, True], free)
+
+    def test_result_waits_until_feedback_is_through_but_not_after_a_cancel(self):
+        for end, waits in ("set_succeeded", True), ("set_aborted", True), ("set_preempted", False):
+            one, slept = self.serving(), mock.Mock()
+            one.action_server.internal_goal_callback(TestActionGoal())
+            one.accept_new_goal()
+            one.publish_feedback(TestActionFeedback().feedback)
+            with mock.patch.object(server, "time", mock.Mock(monotonic=time.monotonic, sleep=slept)):
+                getattr(one, end)()
+            self.assertEqual(waits, slept.called, end)
 
     def test_callback_for_goals_that_exits_keeps_no_lock(self):
         one = self.serving()

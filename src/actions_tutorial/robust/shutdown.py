@@ -152,8 +152,6 @@ class Closer(threading.Thread):
     def _shut_down(self, later=0):
         time.sleep(later)
         rospy.signal_shutdown("told to end")
-        if not rospy.core.is_initialized():
-            self._closed.set()
 
     def _heed(self, number, frame):
         """The signal handler. Whoever has the wake-up descriptor now, such as asyncio: this tells the thread, too."""
