@@ -77,12 +77,18 @@ class TestClient(NodeCase):
             self.assertEqual([(goal_id, 0)], [(cancel.id, cancel.stamp.to_sec()) for cancel in cancels], client)
         scene.serves()
 
-    def test_after_sigkill_the_server_finishes(self, scene):
-        scene.server()
-        client = scene.client(4)
+    def test_after_sigkill_the_server_finishes_and_the_next_says_on_ctrl_c_that_the_server_is_too_slow_to_stop(
+            self, scene):
+        server, client = scene.server(), scene.client(4)
         client.expect("bowl-1")
         client.signal(signal.SIGKILL)
         scene.check_ending(scene.wait_result().status.goal_id.id, SUCCEEDED, bowls(4))
+        client = scene.client(60)
+        client.expect("bowl-1")
+        server.signal(signal.SIGSTOP)
+        client.signal(signal.SIGINT)
+        self.assertEqual(1, client.wait(), client)
+        self.assertIn("a cancel was sent, no ending came within 1 s", client.stderr, client)
 
     def test_newer_goal_preempts_a_late_ctrl_c_leaves_it_alone_and_a_newer_client_takes_the_name_over(self, scene):
         """ROS shuts the one with the name down; its last words must not take the name back."""

@@ -75,17 +75,20 @@ class Compatibility(unittest.TestCase):
         self.assertEqual([1, 1], [topic.get_num_connections() for topic in (
             client.action_client.pub_goal, client.action_client.pub_cancel)])
 
-    def test_wrong_frequency_is_named_with_its_value_and_what_is_allowed(self):
-        for name, values in (
-                ("/actionlib_status_frequency", (0, -1, float("nan"), float("inf"), 1e12, 1e6, "fast")),
-                (rospy.get_name() + "/actionlib_status_frequency", [0]),  # actionlib looks in the node's, too
-                ("work/status_frequency", [0])):
+    def test_wrong_parameter_of_actionlib_is_named_with_its_value_and_what_is_allowed(self):
+        client, server = robust.SimpleActionClient, robust.SimpleActionServer
+        for kind, name, values in (
+                (server, "/actionlib_status_frequency", (0, -1, float("nan"), float("inf"), 1e12, 1e6, "fast")),
+                (server, rospy.get_name() + "/actionlib_status_frequency", [0]),  # actionlib looks in the node's, too
+                (server, "work/status_frequency", [0]), (server, "work/status_list_timeout", ["long", -1]),
+                *((kind, "actionlib_%s_%s_queue_size" % (side, way), ["long"]) for way in ("pub", "sub")
+                  for side, kind in (("server", server), ("client", client)))):
             for value in values:
                 rospy.set_param(name, value)
                 words = r"^the \S.* cannot start: \S*{0} is {1}, must be .*`rosparam delete /\S*{0}`".format(
                     name.rpartition("/")[2], re.escape(repr(value)))
                 with mock.patch.object(sys, "argv", []), self.assertRaisesRegex(rospy.ROSInitException, words):
-                    robust.SimpleActionServer("work", TestAction)
+                    kind("work", TestAction)
                 rospy.delete_param(name)
 
     def test_client_that_makes_the_parts_itself(self):

@@ -75,6 +75,16 @@ class TestGoal(ServerCase):
         check_client(client, 0, 3)
         self.assertEqual("", client.stderr, "expected no alarm")
 
+    def test_client_washes_on_when_the_clock_is_set_back(self):
+        self.clock.run(0.08, 0.02)
+        client = self.scene.client(5, "_heartbeat_timeout:=3")
+        client.expect("bowl-1")
+        self.clock.turn(-100)
+        client.wait(20)  # the 100 s would take 25 s on this clock
+        check_client(client, 0, 5)
+        # Its next client works too, which hears the server's status, sent by a timer on the clock that was set back.
+        check_client(self.scene.client(20, "_heartbeat_timeout:=2"), 0, 20)  # which take 5 s on this clock
+
 
 if __name__ == "__main__":
     rostest.rosrun("actions_tutorial", "goal", TestGoal)

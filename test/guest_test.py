@@ -155,8 +155,13 @@ def end():
     print(threading.current_thread().name, client.get_state(), rospy.is_shutdown())
     client.send_goal(TestGoal(1))  # such as to park an arm
     print(client.wait_for_result(0.3), len(cancels))
+    over.set()
+    other = threading.Thread(target=lambda: print(outcome(client.send_goal, TestGoal(1))))
+    other.start()
+    other.join()
 
-server, client = pair(lambda goal: time.sleep(0.5) if goal.goal else so(rospy.core.is_shutdown_requested), actionlib)
+over = threading.Event()
+server, client = pair(lambda goal: over.wait(20) if goal.goal else so(lambda: server.is_preempt_requested()), actionlib)
 client.send_goal(TestGoal(0))
 so(server.is_active)
 cancels = []
@@ -167,7 +172,8 @@ while not rospy.is_shutdown():
     signal.pause()
 print("main")
 sys.exit(3)
-""", "MainThread 4 False", "False 1", "main", status=3)
+""", "MainThread 4 False", "False 1",
+                  "ROSInitException('the node was shut down before it sent its goal')", "main", status=3)
 
     def test_signal_ends_the_node_whatever_became_of_the_wake_up_descriptor_which_hears_of_nothing_else(self, master):
         none = "BlockingIOError(11, 'Resource temporarily unavailable')"

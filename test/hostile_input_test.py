@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 """Bytes and connections that no client of good will sends: the server serves on."""
 import contextlib
+import itertools
 import random
 import socket
 import struct
@@ -71,6 +72,24 @@ class HostileInput(NodeCase):
         stranger = scene.start("rostopic", "pub", "wash_dishes_as/goal", "std_msgs/String", "wash!")
         stranger.expect("types do not match")  # it is the publisher that rospy tells
         scene.serves()
+
+    def test_peers_that_use_up_the_files_and_go_away(self, scene):
+        server = scene.start("bash", "-c", "ulimit -n 256; exec rosrun actions_tutorial action_server.py")
+        scene.wait_connected(server)
+        peers, both = [], itertools.cycle(ports(server))
+
+        def are_used_up():
+            full = server.usage.num_fds() >= 256  # so those that knock now have to wait
+            for _ in range(4 if len(peers) < 900 else 0):  # at once, most would have to knock again, and again
+                peers.append(socket.socket())
+                peers[-1].setblocking(False)
+                peers[-1].connect_ex(("localhost", next(both)))
+            return full
+
+        eventually(are_used_up, "no more files for the server", server)
+        for peer in peers:
+            peer.close()
+        check_client(scene.client(1), 0, 1)
 
 
 if __name__ == "__main__":

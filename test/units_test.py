@@ -720,7 +720,8 @@ class Units(unittest.TestCase):
 
     def test_client_whose_topics_are_closed_while_it_starts_says_that_it_was_interrupted(self):
         closed = rospy.ROSException("subscriber has been closed")
-        with mock.patch.object(actionlib.SimpleActionClient, "__init__", side_effect=closed):
+        with mock.patch.object(client, "get_params"), \
+                mock.patch.object(actionlib.SimpleActionClient, "__init__", side_effect=closed):
             for shutting_down, words in (False, "subscriber has been closed"), (True, "interrupted"):
                 with mock.patch.object(rospy.core, "_in_shutdown", shutting_down), self.assertRaisesRegex(
                         rospy.ROSInitException, "^the client of /work cannot start: %s$" % words):
@@ -764,9 +765,10 @@ class Units(unittest.TestCase):
             self.assertFalse(node.wait_for("server", lambda: False, timeout))
 
     def test_server_lives_if_its_node_answers_at_the_other_end_of_a_connection(self):
-        asked, uris = mock.MagicMock(), [mock.Mock(endpoint_id=uri) for uri in ("gone", "lives")]
+        asked, ours = mock.MagicMock(), mock.Mock(callerid_pub="/server")
+        asked.action_client.last_status_msg._connection_header = {"callerid": "/server"}
         lives = robust.SimpleActionClient._SimpleActionClient__server_lives
-        for connections, answers in (uris, True), (uris[:1], False), ([], False), (None, False):
+        for connections, answers in ([ours, ours], True), ([ours], False), ([mock.Mock()] * 2, False), (None, False):
             asked.action_client.status_sub.impl.connections = connections
             with mock.patch.object(client, "ask", side_effect=[OSError, 1]) as ask:
                 self.assertEqual(answers, lives(asked), connections)
@@ -829,15 +831,10 @@ class Units(unittest.TestCase):
         server.shutdown()
         server.run()
 
-    def test_thread_that_accepts_peers_goes_on_after_it_has_run_out_of_files(self):
-        with mock.patch.object(peers, "_rospy_run", side_effect=[OSError, None]) as run:
-            peers._run(mock.Mock(**{"server_sock.fileno.return_value": 1}))
-        self.assertEqual(2, run.call_count)
-
     def test_silent_peer_is_let_go_and_holds_up_nobody_one_that_speaks_slowly_is_heard_and_one_may_be_gone(self):
         heard, header = [], encode_ros_handshake_header({"topic": "topic"})
         _, connect = self.peers_server(lambda *_: heard.append(1))
-        with mock.patch.object(peers, "SPEAKS_WITHIN", 1), mock.patch.object(threading, "excepthook") as complaint:
+        with mock.patch.object(peers, "SPEAKS_WITHIN", 3), mock.patch.object(threading, "excepthook") as complaint:
             silent, slow, gone = connect(b""), connect(header[:3]), connect(b"")
             gone.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # with a reset
             gone.close()
@@ -988,7 +985,7 @@ class Units(unittest.TestCase):
             start = None  # it means something else by that
 
         def make_topics(one):
-            one.result_pub = mock.Mock(**{"impl.ref_count": 1})
+            one.status_pub = one.feedback_pub = one.result_pub = mock.Mock(**{"impl.ref_count": 1})
 
         for auto_start, end in (True, Own.__del__), (False, lambda one: setattr(one, "need_to_terminate", True)):
             with mock.patch.object(server._ActionServer, "initialize", autospec=True,

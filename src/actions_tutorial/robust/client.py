@@ -29,6 +29,7 @@ from actionlib_msgs.msg import GoalID, GoalStatus
 
 from . import log, node, peers, shutdown
 from .internals import NO_ANSWER, ask, ask_node, cannot_start, clear, name_of, need, why
+from .parameters import get_params
 
 Seconds = Union[genpy.Duration, float]
 
@@ -63,6 +64,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         if heartbeat_timeout is True or not isinstance(heartbeat_timeout, (int, float)) or not heartbeat_timeout > 0:
             raise ValueError("heartbeat_timeout is %r, must be a number above 0" % (heartbeat_timeout,))
         try:
+            get_params({"actionlib_client_pub_queue_size": (10, None, None),
+                        "actionlib_client_sub_queue_size": (-1, None, None)})
             peers.serve_all_peers()
             super().__init__(ns, ActionSpec)
         except (OSError, ValueError, rospy.ROSException) as error:  # the last of topics that are closed already
@@ -119,10 +122,9 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         if not all(publisher.impl.has_connection(server) for publisher in publishers):
             self.__register_again(publishers)
             return False
-        try:
-            connections = ask_node(server, "getBusInfo", 2)
-        except NO_ANSWER:
-            return True  # it cannot be asked
+        connections = None
+        with contextlib.suppress(*NO_ANSWER):  # it cannot be asked
+            connections = ask_node(server, "getBusInfo")
         sends = [(str(peer), topic) for _, peer, way, _, topic, *_ in connections or () if way == "o"]
         # It does not tell, or not by names (rosnodejs), or is about to connect.
         if not connections or sends and not any(peer[:1] == "/" for peer, _ in sends):
@@ -149,7 +151,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """
         self.__set_up()
         with self.action_client.manager.list_mutex:  # whoever brings an answer waits for this
-            in_hook = threading.get_ident() == shutdown.hooks_thread
+            in_hook = threading.get_ident() == shutdown.hooks_thread if shutdown.hooks_thread else \
+                rospy.core.is_shutdown_requested()  # by a hook from before the client, in a node of rospy's
             if rospy.is_shutdown() or shutdown.hooks_thread and not in_hook:
                 raise cannot_start("the node was shut down before it sent its goal")
             try:
@@ -170,6 +173,11 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             if not self.__is_watched:
                 threading.Thread(target=self.__watch, daemon=True).start()  # which may fail
                 self.__is_watched = True
+
+    def stop_tracking_goal(self) -> None:
+        """Forget the goal; it goes on."""
+        with self.action_client.manager.list_mutex:  # send_goal may be about to look at it
+            super().stop_tracking_goal()
 
     def send_goal_and_wait(self, goal: genpy.Message, execute_timeout: Seconds = rospy.Duration(),
                            preempt_timeout: Seconds = rospy.Duration()) -> int:
@@ -302,10 +310,12 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     def __server_lives(self) -> bool:
         """Without it, a server is lost whose callback for goals takes its time: that holds the lock that a status needs
         (actionlib/action_server.py, internal_goal_callback)."""
-        topic = self.action_client.status_sub.impl  # None if the client was stopped
-        for connection in topic and topic.connections or ():  # its address is here: the master may be gone
+        status, topic = self.action_client.last_status_msg, self.action_client.status_sub.impl
+        # The connection has its address: the master may be gone. No topic: the client was stopped.
+        for connection in status and topic and topic.connections or ():
             with contextlib.suppress(*NO_ANSWER):
-                if ask(connection.endpoint_id, "getPid"):
+                if connection.callerid_pub == status._connection_header["callerid"] and \
+                        ask(connection.endpoint_id, "getPid"):
                     return True
         return False
 

@@ -58,8 +58,11 @@ def init_node(name: str, argv: Optional[List[str]] = None, anonymous: bool = Fal
         stdout.take_over(closer.close)
         peers.serve_all_peers()
         with _exit_status_2():
-            return get_params(parameters)
+            values = get_params(parameters)
+        closer.is_up()
+        return values
     except BaseException as error:
+        closer.is_up()
         if not rospy.core.is_initialized():
             closer.give_up()
         if not closer.ident or isinstance(error, (CannotStart, ValueError)) or not isinstance(error, Exception):

@@ -25,6 +25,11 @@ def get_param(param_name: str, default: Any = _UNSPECIFIED, *, lowest: Optional[
     Before init_node it knows the private parameters of the command line, so that a node can refuse those first.
     Raises ValueError with parameter, value and what is allowed, KeyError if there is neither value nor default.
     """
+    in_rospys_place = rospy.get_param is get_param and lowest is highest is None  # programs written for rospy convert
+    return _get(param_name, default, lowest, highest, checks=not in_rospys_place)
+
+
+def _get(param_name, default, lowest, highest, checks=True):
     given = _from_command_line(param_name)
     started = rospy.core.is_initialized()
     own = param_name[:1] == "~"
@@ -32,8 +37,7 @@ def get_param(param_name: str, default: Any = _UNSPECIFIED, *, lowest: Optional[
         return given[param_name] if own and not started else _rospy_get_param(param_name)
     value = given.get(param_name, default) if own and not started else _rospy_get_param(param_name, default)
     kind = type(default)
-    in_rospys_place = rospy.get_param is get_param and lowest is highest is None  # programs written for rospy convert
-    if kind not in _KINDS or in_rospys_place:
+    if kind not in _KINDS or not checks:
         return value
     right = isinstance(value, (int, float) if kind is float else kind) and isinstance(value, bool) == (kind is bool)
     if right and (lowest is None or lowest <= value < math.inf) and (highest is None or -math.inf < value <= highest):
@@ -54,7 +58,7 @@ def get_param(param_name: str, default: Any = _UNSPECIFIED, *, lowest: Optional[
 
 def get_params(table):
     """Returns the values (tuple) of the parameters in table, {name: (default, lowest, highest)}. Raises ValueError."""
-    return tuple(get_param(name, default, lowest=low, highest=high) for name, (default, low, high) in table.items())
+    return tuple(_get(name, *row) for name, row in table.items())
 
 
 def check_arguments(arguments, known):

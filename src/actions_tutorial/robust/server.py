@@ -19,7 +19,7 @@ import actionlib
 import genpy
 import rosgraph
 import rospy
-from actionlib_msgs.msg import GoalStatus, GoalStatusArray
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
 from . import log, peers, rate, shutdown
 from .internals import NO_ANSWER, ask, ask_node, cannot_start, clear, name_of, need
@@ -78,7 +78,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             self.execute_thread = threading.Thread(target=self.executeLoop)
             self.execute_thread.start()
         shutdown.at_end(self.__shut_down)
-        in_this_node = self.action_server.result_pub.impl.ref_count > 1
+        topics = self.action_server.status_pub, self.action_server.feedback_pub, self.action_server.result_pub
+        in_this_node = min(topic.impl.ref_count for topic in topics) > 1
         threading.Thread(target=self.__look_for_twins, args=[in_this_node], daemon=True).start()
         self.__log(lambda: "%s waits for goals" % self.__name)
 
@@ -153,9 +154,9 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             goal.set_canceled(None, SHUTTING_DOWN)
             return
         with self.lock:
-            if self.current_goal.goal and not self.is_active():
+            if not self.is_active():
                 # Without it, nobody is served any more after one stamp from the future: theirs are older.
-                self.current_goal.get_goal_id().stamp = rospy.Time()  # next_goal's, too, if none waits
+                self.current_goal.__class__ = _Ended  # next_goal, too, is this object if none waits
         try:
             super().internal_goal_callback(goal)
         except BaseException:  # actionlib keeps its lock after sys.exit and after an error without words
@@ -257,6 +258,13 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                           ", ".join(sorted(others)))
 
 
+class _Ended(actionlib.ServerGoalHandle):
+    """A goal that has ended, with the oldest stamp there is: no newer one is refused for being older."""
+
+    def get_goal_id(self):
+        return GoalID(id=super().get_goal_id().id)
+
+
 class _ActionServer(actionlib.ActionServer):
     """Sends what a client waits for before the status of it, and forgets no goal before a status has shown its end."""
 
@@ -267,6 +275,7 @@ class _ActionServer(actionlib.ActionServer):
     def __init__(self, begin, stopped, *args, **options):
         self._begin, self._stopped = begin, stopped
         self._later = False  # whether a status has to wait
+        self._put_off = False  # whether one waits
         self._unshown = []  # StatusTrackers of goals that have ended
         self._latest = rospy.Time()  # by which a clock that was set back is known
         super().__init__(*args, **options)
@@ -290,9 +299,12 @@ class _ActionServer(actionlib.ActionServer):
         """Without it, a parameter of a wrong type is a TypeError that names no parameter."""
         rate.Rate(1, bool)  # a rospy that lacks what we need fails now, not in the middle of a goal
         peers.serve_all_peers()
+        ns = rospy.remap_name(self.ns)
         frequency = rospy.search_param("actionlib_status_frequency") or "actionlib_status_frequency"
         hertz = 5.0, 0.1, 100  # fewer are no heartbeat, more keep a core busy
-        get_params({rospy.remap_name(self.ns) + "/status_frequency": hertz, frequency: hertz})
+        get_params({"actionlib_server_pub_queue_size": (50, None, None), ns + "/status_frequency": hertz,
+                    "actionlib_server_sub_queue_size": (-1, None, None), frequency: hertz,
+                    ns + "/status_list_timeout": (5.0, 0, 1e6)})
         self.status_timer = None  # or that of an earlier start
         super().initialize()
         need("actionlib", self, "status_timer", "_frequency", "started", "lock", "status_list", "last_cancel",
@@ -302,6 +314,7 @@ class _ActionServer(actionlib.ActionServer):
 
     def publish_status(self):
         with self.lock:
+            self._put_off = self._later
             if self._later or not self.started:
                 return
             shown, self._unshown = self._unshown, []
@@ -371,8 +384,12 @@ class _ActionServer(actionlib.ActionServer):
                 super().internal_cancel_callback(goal_id)
         finally:  # a callback of the program's may raise
             rate.wake()
-            time.sleep(HEAD_START)
-            self.publish_status()  # else whoever waits for PREEMPTING waits for the heartbeat, on the ROS clock
+            # Without it, whoever waits for PREEMPTING waits for the heartbeat, on the ROS clock.
+            until, ended = time.monotonic() + HEAD_START, bool(self._unshown)  # by a callback for preempts
+            while self._put_off and not self._unshown and time.monotonic() < until:
+                time.sleep(0.001)
+            if self._put_off and (ended or not self._unshown):  # else whoever ends it shows it
+                self.publish_status()
 
     def unended(self):
         """Returns the trackers of goals that have no ending yet. Takes no lock."""

@@ -14,12 +14,14 @@ The thread Closer hears the signals; each server and client has one while its go
 """
 import atexit
 import contextlib
+import math
 import os
 import signal
 import socket
 import sys
 import threading
 import time
+import traceback
 import weakref
 
 import rosgraph
@@ -34,6 +36,7 @@ CLOSED_WITHIN = 1.5
 KILLED_AFTER = 1.9
 LOG_WITHIN = 0.3  # s for itself
 HEARD_WITHIN = 0.1  # s in which the main thread may hear a signal and run the hooks; then a thread does
+HELD_FOR = 0.2  # s that the main thread stands still after the hooks, if goals are still ending: one may need it
 
 _END = 255  # beside the numbers of signals, what Closer can be told
 
@@ -83,6 +86,14 @@ def _end_all_goals():
         rospy.on_shutdown(wait)  # rospy comes to it when the other hooks have run
 
 
+def _wait(condition, seconds=math.inf):
+    """Returns condition(), which it waits for. In a signal handler an Event's wait() might wait for itself."""
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.001)
+    return condition()
+
+
 class Closer(threading.Thread):
     """Ends the node when a signal comes and when the program ends.
 
@@ -97,6 +108,10 @@ class Closer(threading.Thread):
         self._before = {}  # signal handlers by number
         self._fd_before = -1  # the wake-up descriptor
         self._begun = self._deadline = None  # time.monotonic()
+        self._fork = threading.local()
+        self._hooks = threading.Lock()  # whoever has it runs them, once
+        self._hooks_ran = threading.Event()
+        self._heard = None  # the number of a signal that the main thread went on after
         self._closed = threading.Event()
 
     def heed_signals(self):
@@ -109,12 +124,17 @@ class Closer(threading.Thread):
 
     def begin(self):
         """Before rospy.init_node, so that the goals' endings do not wait for the program's hooks."""
-        rospy.on_shutdown(self._begin)
+        unfinished.add(self)
+        rospy.core._client_shutdown_hooks.insert(0, self._begin)
         atexit.register(self._main_has_ended)
         rospy.core.signal_shutdown = self._signal_shutdown
-        os.register_at_fork(before=log.pause, after_in_parent=log.go_on, after_in_child=self._forget)
+        os.register_at_fork(before=self._before_fork, after_in_parent=self._after_fork, after_in_child=self._forget)
         rospy.impl.masterslave.print = self._hear_request
         self.start()
+
+    def is_up(self):
+        """After the start, during which a node that is killed has exit status 1."""
+        unfinished.discard(self)
 
     def give_up(self):
         """The node cannot start: leave the process as it was."""
@@ -136,7 +156,7 @@ class Closer(threading.Thread):
                 told = self._ears.recv(100)
             except socket.timeout:
                 if self._deadline:
-                    os._exit(1 if unfinished or not rospy.core.is_initialized() else 0)
+                    os._exit(1 if unfinished else 0)
                 continue
             if not told:
                 return
@@ -147,27 +167,47 @@ class Closer(threading.Thread):
                 # Not at python's prompt, which goes on without the node.
                 if not self._deadline and not hasattr(sys, "ps1") and not sys.flags.interactive:
                     self._deadline = time.monotonic() + KILLED_AFTER
-                aside(self._shut_down, HEARD_WITHIN)
+                aside(self._shut_down)
 
-    def _shut_down(self, later=0):
-        time.sleep(later)
+    def _shut_down(self):
+        if _wait(lambda: self._hooks.locked(), HEARD_WITHIN):
+            _wait(self._hooks_ran.is_set)
         rospy.signal_shutdown("told to end")
 
     def _heed(self, number, frame):
         """The signal handler. Whoever has the wake-up descriptor now, such as asyncio: this tells the thread, too."""
         before = self._before.get(number)
         self.close()
-        if self.ident:  # else it is obeyed when the checks are done
-            # The hooks run here, as with rospy: else the main program drives on when one of them has stopped the robot.
-            self._shut_down()
-            if hooks_thread != threading.get_ident():  # else this interrupts them
-                self._closed.wait(CLOSED_WITHIN)
-        if callable(before) and before is not signal.default_int_handler:
+        calls_before = callable(before) and before is not signal.default_int_handler
+        # Else it is obeyed when the checks are done, or this interrupts the hooks.
+        if self.ident and hooks_thread != threading.get_ident():
+            self._run_hooks()
+            _wait(self._hooks_ran.is_set, CLOSED_WITHIN)
+            if not _wait(self._closed.is_set, CLOSED_WITHIN if calls_before else HELD_FOR):
+                self._heard = number
+        if calls_before:
             with contextlib.suppress(KeyboardInterrupt):
                 before(number, frame)
 
+    def _run_hooks(self):
+        """Run the program's hooks here, in the main thread, as rospy does. Without it, the main program drives on when
+        one of them has stopped the robot. The rest is not for here: a goal's end may need what this interrupts."""
+        if self._hooks.acquire(blocking=False):
+            hooks = rospy.core._client_shutdown_hooks
+            theirs = [hook for hook in hooks if hook not in (self._begin, _end_all_goals)]
+            del hooks[:]
+            self._begin()
+            for hook in theirs:
+                try:
+                    hook()
+                except BaseException:  # as rospy does
+                    traceback.print_exc()
+            self._hooks_ran.set()
+
     def _is_down(self, _):
-        """From now on rospy.is_shutdown()."""
+        """From now on rospy.is_shutdown(). A main thread in signal.pause() looked before: the signal comes again."""
+        if self._heard and signal.getsignal(self._heard) == self._heed:
+            signal.pthread_kill(threading.main_thread().ident, self._heard)
         self._closed.set()
 
     def _hear_request(self, text):
@@ -178,10 +218,12 @@ class Closer(threading.Thread):
 
     def _begin(self):
         """On shutdown, whoever asked for it."""
+        self._hooks.acquire(blocking=False)
         self._begun = time.monotonic()
         # Without it, a call that the master never answers holds up all that follow (rospy/core.py, _LockedServerProxy).
         uri = rosgraph.get_master_uri()
         rospy.core._xmlrpc_cache[uri] = impatient_proxy(uri)
+        rospy.on_shutdown(self._hooks_ran.set)  # after the program's own, and before the goals are waited for
         _end_all_goals()
         rospy.core.add_shutdown_hook(self._is_down)  # the last one, after the program's own
 
@@ -198,8 +240,9 @@ class Closer(threading.Thread):
     def _finish(self):
         """Once; the exit status stays what it is. A program that ends by itself waits for its hooks, as with rospy."""
         rospy.core.signal_shutdown = rospy.signal_shutdown
+        self._heard = None  # nobody waits in pause() any more
         if not self._begun and not self._deadline:
-            self._shut_down()
+            rospy.signal_shutdown("the program has ended")
         self._closed.wait((self._begun or time.monotonic()) + CLOSED_WITHIN - time.monotonic())
         self._deadline = None
         log.flush(LOG_WITHIN)
@@ -215,9 +258,19 @@ class Closer(threading.Thread):
         self._before = {}
         atexit.unregister(self._main_has_ended)
 
+    def _before_fork(self):
+        """Without it, a signal to a child that has just been forked is heard here."""
+        log.pause()
+        self._fork.mask = signal.pthread_sigmask(signal.SIG_BLOCK, self._before)
+
+    def _after_fork(self):
+        log.go_on()
+        signal.pthread_sigmask(signal.SIG_SETMASK, self._fork.mask)
+
     def _forget(self):
         """In a child process: its signals and its end are not the node's."""
         self._give_back()
         atexit.unregister(rospy.core._ros_atexit)  # it would take the parent's topics off the master
         log.give_back()
         stdout.give_back()
+        signal.pthread_sigmask(signal.SIG_SETMASK, self._fork.mask)
