@@ -151,8 +151,9 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """
         self.__set_up()
         with self.action_client.manager.list_mutex:  # whoever brings an answer waits for this
-            in_hook = threading.get_ident() == shutdown.hooks_thread if shutdown.hooks_thread else \
-                rospy.core.is_shutdown_requested()  # by a hook from before the client, in a node of rospy's
+            # By a hook from before the client, in a node of rospy's. A signal may come while this is asked.
+            requested = rospy.core.is_shutdown_requested()
+            in_hook = threading.get_ident() == shutdown.hooks_thread if shutdown.hooks_thread else requested
             if rospy.is_shutdown() or shutdown.hooks_thread and not in_hook:
                 raise cannot_start("the node was shut down before it sent its goal")
             try:

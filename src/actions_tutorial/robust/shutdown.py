@@ -192,6 +192,7 @@ class Closer(threading.Thread):
     def _run_hooks(self):
         """Run the program's hooks here, in the main thread, as rospy does. Without it, the main program drives on when
         one of them has stopped the robot. The rest is not for here: a goal's end may need what this interrupts."""
+        global hooks_thread
         if self._hooks.acquire(blocking=False):
             hooks = rospy.core._client_shutdown_hooks
             theirs = [hook for hook in hooks if hook not in (self._begin, _end_all_goals)]
@@ -202,6 +203,7 @@ class Closer(threading.Thread):
                     hook()
                 except BaseException:  # as rospy does
                     traceback.print_exc()
+            hooks_thread = -1  # what the main program sends from now on is no hook's
             self._hooks_ran.set()
 
     def _is_down(self, _):
