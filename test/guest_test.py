@@ -20,7 +20,7 @@ import asyncio, atexit, ctypes, faulthandler, io, logging, multiprocessing, os, 
 import threading, time
 from actions_tutorial import robust
 import actionlib, rosgraph, rospy
-from actionlib.msg import TestAction, TestGoal
+from actionlib.msg import TestAction, TestGoal, TestResult
 from actionlib_msgs.msg import GoalID, GoalStatus
 
 def so(condition, seconds=10):
@@ -175,6 +175,36 @@ sys.exit(3)
 """, "MainThread 4 False", "False 1",
                   "ROSInitException('the node was shut down before it sent its goal')", "main", status=3)
 
+        self.says(master, """
+rospy.on_shutdown(lambda: print(robust.shutdown.hooks_thread == threading.get_ident()))  # known at the first hook
+robust.init_node("guest")
+rospy.signal_shutdown("")
+""", "True", head=HEAD)
+
+    def test_goal_whose_end_needs_the_main_thread_has_its_result_and_main_wakes_from_pause_when_the_node_is_down(
+            self, master):
+        self.says(master, """
+server, client = pair(None)
+server.register_goal_callback(lambda: None)
+client.send_goal(TestGoal())
+so(server.is_new_goal_available)
+server.accept_new_goal()
+threading.Timer(0.2, send, ["INT"]).start()
+while server.rate(5).sleep():
+    pass
+server.set_preempted(TestResult(7))
+print(client.wait_for_result(10), client.get_result().result)
+""", "True 7")
+        self.says(master, """
+server, client = pair(lambda _: so(rospy.core.is_shutdown_requested) and time.sleep(0.5))
+client.send_goal(TestGoal())
+so(server.is_active)
+send("INT")
+while not rospy.is_shutdown():
+    signal.pause()
+sys.exit(3)
+""", status=3)
+
     def test_signal_ends_the_node_whatever_became_of_the_wake_up_descriptor_which_hears_of_nothing_else(self, master):
         none = "BlockingIOError(11, 'Resource temporarily unavailable')"
         for code, end, heard in (("", "read", "{15}"), ("os.close(write)", "other[0]", none),
@@ -296,6 +326,12 @@ for child, is_ready in (
         child.terminate()
     child.join(10)
     report(child.exitcode)
+for _ in range(30):  # before they have taken their first step
+    child = fork.Process(target=time.sleep, args=[60])
+    child.start()
+    child.terminate()
+    child.join(10)
+report(child.exitcode)
 rospy.logwarn("parent logs on")
 so(lambda: not robust.log._others)
 done.set()
@@ -303,7 +339,7 @@ client.wait_for_result(rospy.Duration(10))
 print(GoalStatus.to_string(client.get_state()))
 rospy.signal_shutdown("done")
 """, "0", "child prints", "3 " + kept, "child prints", "0 " + kept, "0 " + kept, "child prints",
-                         "-15 " + kept, "-15 " + kept, "SUCCEEDED")
+                         *["-15 " + kept] * 3, "SUCCEEDED")
         self.assertEqual(3, node.stderr.count("[WARN] child logs\n"), node)
         self.assertEqual(3, log_file(master).count("child logs"), node)
         self.assertIn("parent logs on", log_file(master), node)
@@ -364,10 +400,11 @@ rospy.signal_shutdown("done")
                    pause=0.2)
 
     def test_exit_status_of_a_stubborn_node_is_1_while_it_starts_and_unless_its_goal_has_succeeded(self, master):
-        node = ready(master, "robust.node._rospy_init_node = lambda *_, **__: print('ready') or "
-                             "threading.Event().wait()\nrobust.init_node('guest')", head=HEAD)
-        node.signal(signal.SIGTERM)
-        self.ends(node, status=1)
+        for step in "node._rospy_init_node", "log.ask_the_master_once":
+            node = ready(master, "robust.%s = lambda *_, **__: print('ready') or threading.Event().wait()\n"
+                                 "robust.init_node('guest')" % step, head=HEAD)
+            node.signal(signal.SIGTERM)
+            self.ends(node, status=1)
         for goals, status in ([], 0), ([0, 0], 0), ([0, 1], 1), ([0, 2], 1):
             node = ready(master, """
 server, client = pair(lambda goal: (server.set_succeeded, threading.Event().wait, server.set_aborted)[goal.goal](),
@@ -395,6 +432,10 @@ threading.Event().wait()
                  "so(rospy.core.is_shutdown_requested)\ntime.sleep(1)\n",),
                 ("robust.shutdown.KILLED_AFTER = 4\natexit.register(time.sleep, 4)\nrobust.init_node('guest')\n"
                  "send('TERM')\nrospy.spin()\n",),
+                ("robust.shutdown.KILLED_AFTER = 3\natexit.register(time.sleep, 4)\n"
+                 "robust.init_node('guest', log_level=rospy.WARN)\n"
+                 "server, client = pair(lambda _: so(rospy.core.is_shutdown_requested) and time.sleep(0.5))\n"
+                 "client.send_goal(TestGoal())\nso(server.is_active)\nsend('TERM')\n",),
                 ("robust.shutdown.CLOSED_WITHIN = 1.5\nrobust.init_node('guest')\n"
                  "os.kill(rosgraph.Master('').getPid(), signal.SIGSTOP)\nsend('TERM')\nrospy.spin()\n",)):
             self.says(master, code + "sys.exit(7)", *lines, status=7, head=HEAD)
