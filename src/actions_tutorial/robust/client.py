@@ -94,7 +94,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     def wait_for_server(self, timeout: Seconds = rospy.Duration()) -> bool:
         """Wait until messages go both ways between this client and a server, and say every 5 s what for.
 
-        timeout: rospy.Duration or s, of real time (0: for ever; below 0: a look, no wait).
+        timeout: rospy.Duration or s, of real time (0: for ever; below 0: a look). Master and server are asked, and each
+            may take 0.5 s more.
         Returns whether they do: False after timeout and on shutdown; get_failure() says which. Raises
         rospy.ROSInitException before init_node.
         """
