@@ -548,6 +548,21 @@ class Units(unittest.TestCase):
             self.assertTrue(one._closed.is_set())
         self.assertEqual((1, 3), (wake.call_count, len(hooks)))
 
+    def test_hooks_of_the_program_run_once_whatever_they_raise_and_what_comes_later_is_not_theirs(self):
+        def hook():
+            ran.append(shutdown.hooks_thread == threading.get_ident())
+            sys.exit()
+
+        ran = []
+        with closer() as one, mock.patch.object(shutdown, "hooks_thread", None), \
+                mock.patch.object(rospy.core, "_client_shutdown_hooks", [one._begin, hook, hook]), \
+                mock.patch.object(rospy.core, "_shutdown_hooks", []), mock.patch.dict(rospy.core._xmlrpc_cache), \
+                mock.patch.object(shutdown, "_endings", {}), contextlib.redirect_stderr(io.StringIO()) as said:
+            for _ in range(2):
+                one._run_hooks()
+            self.assertNotEqual(threading.get_ident(), shutdown.hooks_thread)
+        self.assertEqual(([True, True], 2), (ran, said.getvalue().count("SystemExit")))
+
     def test_handler_of_the_program_is_called_when_the_node_is_down_but_waits_for_no_hooks_that_it_interrupts(self):
         def run_hooks(_):
             if not ran_in:  # as rospy's
