@@ -526,7 +526,8 @@ class Units(unittest.TestCase):
 
     def test_flush_waits_for_the_lines_so_far_and_the_end_of_a_node_flushes(self):
         said = self.logged()
-        with closer() as one, mock.patch.object(shutdown, "CLOSED_WITHIN", 0):
+        with closer() as one, mock.patch.object(shutdown, "CLOSED_WITHIN", 0), \
+                mock.patch.object(rospy, "signal_shutdown"):
             log._soon.append(lambda: "first")
             log._others.call(lambda: eventually(lambda: said, "the first") and said.append("second") or
                              log._terminal.call(lambda: threading.Event().wait(0.2) or said.append("third")))
@@ -547,6 +548,17 @@ class Units(unittest.TestCase):
                 hook("why")
             self.assertTrue(one._closed.is_set())
         self.assertEqual((1, 3), (wake.call_count, len(hooks)))
+
+    def test_node_whose_hooks_hang_is_killed_also_where_no_thread_can_be_had(self):
+        """As Python 3.12 starts none when it ends."""
+        with closer() as one, mock.patch.object(os, "_exit", side_effect=SystemExit), \
+                mock.patch.object(threading.Thread, "start", side_effect=RuntimeError), \
+                mock.patch.object(shutdown, "KILLED_AFTER", 0.2), mock.patch.object(rospy, "signal_shutdown") as down:
+            one._hooks.acquire()
+            one.close()
+            with self.assertRaises(SystemExit):
+                one.run()
+        down.assert_not_called()
 
     def test_hooks_of_the_program_run_once_whatever_they_raise_and_what_comes_later_is_not_theirs(self):
         def hook():

@@ -170,9 +170,9 @@ class Closer(threading.Thread):
                 aside(self._shut_down)
 
     def _shut_down(self):
-        if _wait(lambda: self._hooks.locked(), HEARD_WITHIN):
-            _wait(self._hooks_ran.is_set)
-        rospy.signal_shutdown("told to end")
+        patience = KILLED_AFTER if self._deadline else math.inf  # this may be the thread that kills
+        if not _wait(self._hooks.locked, HEARD_WITHIN) or _wait(self._hooks_ran.is_set, patience):
+            rospy.signal_shutdown("told to end")
 
     def _heed(self, number, frame):
         """The signal handler. Whoever has the wake-up descriptor now, such as asyncio: this tells the thread, too."""
@@ -243,8 +243,7 @@ class Closer(threading.Thread):
         """Once; the exit status stays what it is. A program that ends by itself waits for its hooks, as with rospy."""
         rospy.core.signal_shutdown = rospy.signal_shutdown
         self._heard = None  # nobody waits in pause() any more
-        if not self._begun and not self._deadline:
-            rospy.signal_shutdown("the program has ended")
+        rospy.signal_shutdown("the program has ended")  # if nobody else has
         self._closed.wait((self._begun or time.monotonic()) + CLOSED_WITHIN - time.monotonic())
         self._deadline = None
         log.flush(LOG_WITHIN)
