@@ -563,11 +563,14 @@ class Units(unittest.TestCase):
     def test_hooks_of_the_program_run_once_whatever_they_raise_and_what_comes_later_is_not_theirs(self):
         def hook():
             ran.append(shutdown.hooks_thread == threading.get_ident())
+            if len(ran) == 1:
+                rospy.on_shutdown(hook)
+            rospy.signal_shutdown("by a hook, or a thread that it tells to end")
             sys.exit()
 
         ran = []
         with closer() as one, mock.patch.object(shutdown, "hooks_thread", None), \
-                mock.patch.object(rospy.core, "_client_shutdown_hooks", [one._begin, hook, hook]), \
+                mock.patch.object(rospy.core, "_client_shutdown_hooks", [one._begin, hook]), \
                 mock.patch.object(rospy.core, "_shutdown_hooks", []), mock.patch.dict(rospy.core._xmlrpc_cache), \
                 mock.patch.object(shutdown, "_endings", {}), contextlib.redirect_stderr(io.StringIO()) as said:
             for _ in range(2):

@@ -52,7 +52,7 @@ def need(library, owner, *names):
 
 
 need("rospy", rospy.core, "is_initialized", "is_shutdown_requested", "add_shutdown_hook", "_ros_atexit",
-     "_xmlrpc_cache", "_client_shutdown_hooks")
+     "_xmlrpc_cache", "_client_shutdown_hooks", "_in_shutdown")
 
 
 def name_of(state):

@@ -128,7 +128,7 @@ class Closer(threading.Thread):
         rospy.core._client_shutdown_hooks.insert(0, self._begin)
         atexit.register(self._main_has_ended)
         rospy.core.signal_shutdown = self._signal_shutdown
-        os.register_at_fork(before=self._before_fork, after_in_parent=self._after_fork, after_in_child=self._forget)
+        os.register_at_fork(before=self._hold_signals, after_in_parent=self._free_signals, after_in_child=self._forget)
         rospy.impl.masterslave.print = self._hear_request
         self.start()
 
@@ -193,16 +193,19 @@ class Closer(threading.Thread):
         """Run the program's hooks here, in the main thread, as rospy does. Without it, the main program drives on when
         one of them has stopped the robot. The rest is not for here: a goal's end may need what this interrupts."""
         global hooks_thread
-        if self._hooks.acquire(blocking=False):
+        if not rospy.core.is_shutdown_requested() and self._hooks.acquire(blocking=False):
             hooks = rospy.core._client_shutdown_hooks
             theirs = [hook for hook in hooks if hook not in (self._begin, _end_all_goals)]
             del hooks[:]
             self._begin()
-            for hook in theirs:
+            ours, hooks[:] = hooks[:], theirs
+            rospy.core._in_shutdown = True  # else whoever calls rospy.signal_shutdown closes the node meanwhile
+            for hook in hooks:  # also those that they add
                 try:
                     hook()
                 except BaseException:  # as rospy does
                     traceback.print_exc()
+            hooks[:], rospy.core._in_shutdown = ours, False
             hooks_thread = -1  # what the main program sends from now on is no hook's
             self._hooks_ran.set()
 
@@ -259,12 +262,12 @@ class Closer(threading.Thread):
         self._before = {}
         atexit.unregister(self._main_has_ended)
 
-    def _before_fork(self):
+    def _hold_signals(self):
         """Without it, a signal to a child that has just been forked is heard here."""
         log.pause()
         self._fork.mask = signal.pthread_sigmask(signal.SIG_BLOCK, self._before)
 
-    def _after_fork(self):
+    def _free_signals(self):
         log.go_on()
         signal.pthread_sigmask(signal.SIG_SETMASK, self._fork.mask)
 
