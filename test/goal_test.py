@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""The life of a goal: each bowl in its second, and one ending, on a clock that runs fast or stands still.
+"""The life of a goal: each bowl in its second, and one ending, on a clock that runs fast, stands still or is set back.
 random_order_test.py has what clients do meanwhile."""
 import signal
 import time

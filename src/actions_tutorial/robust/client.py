@@ -28,7 +28,7 @@ from actionlib.simple_action_client import SimpleGoalState
 from actionlib_msgs.msg import GoalID, GoalStatus
 
 from . import log, node, peers, shutdown
-from .internals import NO_ANSWER, ask, ask_node, cannot_start, clear, name_of, need, why
+from .internals import NO_ANSWER, ask, ask_node, cannot_start, clear, name_of, need, wait_until, why
 from .parameters import get_params
 
 Seconds = Union[genpy.Duration, float]
@@ -326,9 +326,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         goal = self.__goal()  # also one that is just being sent
         if goal and not goal.in_hook:  # what a hook sends, such as to park an arm, is to be done
             goal.cancel()
-            while goal.simple_state != SimpleGoalState.DONE and time.monotonic() < deadline:
-                time.sleep(0.01)
-            if goal.simple_state != SimpleGoalState.DONE:
+            if not wait_until(lambda: goal.simple_state == SimpleGoalState.DONE, deadline - time.monotonic()):
                 goal.why = "a cancel was sent, no ending came within 1 s"
 
 

@@ -4,6 +4,7 @@ import http.client
 import operator
 import sys
 import threading
+import time
 import xml.parsers.expat
 import xmlrpc.client
 
@@ -83,6 +84,14 @@ def clear(publisher):
     if publisher.impl:
         publisher.impl.buff.seek(0)
         publisher.impl.buff.truncate(0)
+
+
+def wait_until(condition, seconds):
+    """Returns condition(), which it waits for (real s)."""
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.005)
+    return condition()
 
 
 class _Impatient(xmlrpc.client.Transport, threading.local):

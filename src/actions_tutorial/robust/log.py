@@ -21,7 +21,7 @@ import traceback
 import rospy
 from rosgraph.roslogging import RosStreamHandler
 
-from .internals import need
+from .internals import need, wait_until
 
 LATER = 0.005  # s that a line for /rosout and the file waits, while what it tells of goes out
 WAITING = 1000  # lines that may wait for one of the two threads; further ones are lost
@@ -114,10 +114,8 @@ def give_back():
 
 def flush(seconds):
     """Wait until the lines so far are written, at most so many seconds."""
-    end = time.monotonic() + seconds
     catch_up()
-    while (_terminal or _others) and time.monotonic() < end:
-        time.sleep(0.005)
+    wait_until(lambda: not (_terminal or _others), seconds)
 
 
 def ask_the_master_once():

@@ -58,16 +58,15 @@ def init_node(name: str, argv: Optional[List[str]] = None, anonymous: bool = Fal
         stdout.take_over(closer.close)
         peers.serve_all_peers()
         with _exit_status_2():
-            values = get_params(parameters)
-        closer.is_up()
-        return values
+            return get_params(parameters)
     except BaseException as error:
-        closer.is_up()
         if not rospy.core.is_initialized():
             closer.give_up()
         if not closer.ident or isinstance(error, (CannotStart, ValueError)) or not isinstance(error, Exception):
             raise
         raise cannot_start("the node %s cannot start: %s" % (name, why(error))) from error
+    finally:
+        closer.start_is_over()
 
 
 def wait_for(what, is_there, timeout=0):

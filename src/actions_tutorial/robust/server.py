@@ -22,7 +22,7 @@ import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
 from . import log, peers, rate, shutdown
-from .internals import NO_ANSWER, ask, ask_node, cannot_start, clear, name_of, need
+from .internals import NO_ANSWER, ask, ask_node, cannot_start, clear, name_of, need, wait_until
 from .parameters import get_params
 
 HEAD_START = 0.005  # s, for what a client must hear first
@@ -226,8 +226,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         rate.wake()
         with contextlib.suppress(RuntimeError):  # no thread to be had; a callback could hold up this one
             threading.Thread(target=self.__ask_to_stop, daemon=True).start()
-        while self.action_server.unended() and time.monotonic() < deadline:
-            time.sleep(0.01)
+        wait_until(lambda: not self.action_server.unended(), deadline - time.monotonic())
         stubborn = self.action_server.unended()
         self.action_server.close()
         if stubborn:

@@ -28,7 +28,7 @@ import rosgraph
 import rospy
 
 from . import log, rate, stdout
-from .internals import impatient_proxy
+from .internals import impatient_proxy, wait_until
 
 GOALS_END_WITHIN = 1.0  # s of the beginning, as all of these
 SENT_WITHIN = 0.1  # s more: rospy sends from threads of its own, which cannot be asked when they are done
@@ -86,14 +86,6 @@ def _end_all_goals():
         rospy.on_shutdown(wait)  # rospy comes to it when the other hooks have run
 
 
-def _wait(condition, seconds=math.inf):
-    """Returns condition(), which it waits for. In a signal handler an Event's wait() might wait for itself."""
-    end = time.monotonic() + seconds
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.001)
-    return condition()
-
-
 class Closer(threading.Thread):
     """Ends the node when a signal comes and when the program ends.
 
@@ -132,8 +124,8 @@ class Closer(threading.Thread):
         rospy.impl.masterslave.print = self._hear_request
         self.start()
 
-    def is_up(self):
-        """After the start, during which a node that is killed has exit status 1."""
+    def start_is_over(self):
+        """Until then a node that is killed has exit status 1."""
         unfinished.discard(self)
 
     def give_up(self):
@@ -171,7 +163,7 @@ class Closer(threading.Thread):
 
     def _shut_down(self):
         patience = KILLED_AFTER if self._deadline else math.inf  # this may be the thread that kills
-        if not _wait(self._hooks.locked, HEARD_WITHIN) or _wait(self._hooks_ran.is_set, patience):
+        if not wait_until(self._hooks.locked, HEARD_WITHIN) or wait_until(self._hooks_ran.is_set, patience):
             rospy.signal_shutdown("told to end")
 
     def _heed(self, number, frame):
@@ -182,8 +174,8 @@ class Closer(threading.Thread):
         # Else it is obeyed when the checks are done, or this interrupts the hooks.
         if self.ident and hooks_thread != threading.get_ident():
             self._run_hooks()
-            _wait(self._hooks_ran.is_set, CLOSED_WITHIN)
-            if not _wait(self._closed.is_set, CLOSED_WITHIN if calls_before else HELD_FOR):
+            wait_until(self._hooks_ran.is_set, CLOSED_WITHIN)  # in a signal handler an Event might wait for itself
+            if not wait_until(self._closed.is_set, CLOSED_WITHIN if calls_before else HELD_FOR):
                 self._heard = number
         if calls_before:
             with contextlib.suppress(KeyboardInterrupt):
@@ -240,7 +232,8 @@ class Closer(threading.Thread):
         """In place of what rospy's own atexit function calls, which comes after the program's: their node is up yet."""
         if reason == "atexit":
             self._finish()
-        rospy.signal_shutdown(reason)
+        else:
+            rospy.signal_shutdown(reason)
 
     def _finish(self):
         """Once; the exit status stays what it is. A program that ends by itself waits for its hooks, as with rospy."""
