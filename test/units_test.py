@@ -22,7 +22,7 @@ import unittest
 import warnings
 import weakref
 import xmlrpc.client
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, TimeoutError
 from unittest import mock
 
 import actionlib
@@ -132,7 +132,7 @@ class Units(unittest.TestCase):
     def test_master_uri_that_is_none_is_named(self):
         for uri in "localhost:11311", "http://", "http://localhost", "http://localhost:port", "http://:1", \
                 "https://localhost:1":
-            with mock.patch.dict("os.environ", ROS_MASTER_URI=uri), arguments(), self.assertRaisesRegex(
+            with mock.patch.dict("os.environ", ROS_MASTER_URI=uri), arguments("--expr=a:=1;b:=2"), self.assertRaisesRegex(
                     rospy.ROSInitException, "^ROS_MASTER_URI is '%s', must be like http://localhost:11311$" % uri):
                 robust.init_node("node")
 
@@ -584,6 +584,7 @@ class Units(unittest.TestCase):
                 ran_in.append(threading.current_thread())
                 one._begin()
                 os.kill(os.getpid(), signal.SIGTERM)
+                one._hooks_ran.set()
                 one._closed.set()
 
         def handle(*_):
@@ -788,6 +789,26 @@ class Units(unittest.TestCase):
             robust.SimpleActionClient._SimpleActionClient__end_goal(
                 mock.Mock(_SimpleActionClient__goal=lambda goal=goal: goal), 0)
             self.assertEqual(not in_hook, goal.cancel.called)
+
+    def test_goal_that_is_sent_while_the_node_ends_is_a_hook_s_and_no_other_thread_forgets_it_meanwhile(self):
+        def send(*_):
+            with self.assertRaises(TimeoutError):
+                thread.submit(one.stop_tracking_goal).result(0.05)
+            one.gh = actionlib.ClientGoalHandle(self.goal_and_result(None)[0])
+
+        one = robust.SimpleActionClient.__new__(robust.SimpleActionClient)
+        one.__dict__.update(_SimpleActionClient__is_set_up=True, _SimpleActionClient__is_watched=True)
+        one.action_client = mock.MagicMock(**{"manager.list_mutex": threading.RLock()})
+        for hooks_thread, requested in (None, False), (threading.get_ident(), True), (None, True), (-1, True):
+            with mock.patch.object(shutdown, "hooks_thread", hooks_thread), \
+                    mock.patch.object(rospy.core, "_in_shutdown", requested), \
+                    mock.patch.object(actionlib.SimpleActionClient, "send_goal", send), \
+                    mock.patch.object(shutdown, "unfinished", mock.Mock()) as unfinished, ThreadPoolExecutor(1) as thread:
+                if hooks_thread == -1:  # they have run
+                    self.assertRaises(rospy.ROSInitException, one.send_goal, None)
+                else:
+                    one.send_goal(None)
+                    self.assertEqual(requested, unfinished.add.mock_calls[0][1][0].in_hook)
 
     def test_short_wait_for_a_server_far_away_finds_it_and_a_look_does(self):
         for timeout in 0.001, -1:
@@ -1096,11 +1117,11 @@ class Units(unittest.TestCase):
 
     def test_server_names_another_that_serves_in_this_node_or_in_one_that_lives_also_where_no_master_answers(self):
         asked = mock.Mock(_SimpleActionServer__name="/action")
-        asked.action_server.status_pub.resolved_name = "/action/status"
+        asked.action_server.result_pub.resolved_name = "/action/result"
         for serves_here, state, named in (
                 (True, OSError, rospy.get_name()), (False, OSError, r"^\[]$"),
                 # The first that is asked is gone.
-                (False, ([["/action/status", ["/one", rospy.get_name(), "/other"]]], [], []), "'/(one|other)'"),
+                (False, ([["/action/result", ["/one", rospy.get_name(), "/other"]]], [], []), "'/(one|other)'"),
                 (False, ([], [], []), r"^\[]$")):  # of a new master
             with mock.patch.object(server, "ask", side_effect=[state]), \
                     mock.patch.object(server, "ask_node", side_effect=[OSError, 1]), \

@@ -78,8 +78,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             self.execute_thread = threading.Thread(target=self.executeLoop)
             self.execute_thread.start()
         shutdown.at_end(self.__shut_down)
-        topics = self.action_server.status_pub, self.action_server.feedback_pub, self.action_server.result_pub
-        in_this_node = min(topic.impl.ref_count for topic in topics) > 1
+        in_this_node = self.action_server.result_pub.impl.ref_count > 1
         threading.Thread(target=self.__look_for_twins, args=[in_this_node], daemon=True).start()
         self.__log(lambda: "%s waits for goals" % self.__name)
 
@@ -207,11 +206,11 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         with self.action_server.lock:
             if not self.action_server.started or goal is not self.current_goal:  # a newer one was accepted meanwhile
                 return
-            was_active = self.is_active()
+            was_active, tracker = self.is_active(), goal.status_tracker
             with self.action_server.status_later(threading.current_thread() is self.execute_thread):
                 set_state(result, _sendable(text))
-            status = was_active and self.current_goal.get_goal_status()
         if was_active:
+            status = tracker.status
             self.__log(lambda: "%s: goal %s: %s" % (self.__name, name_of(status.status), log.printable(status.text)))
 
     def __log(self, line):
@@ -248,7 +247,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         others = {rospy.get_name()} if in_this_node else set()
         with contextlib.suppress(*NO_ANSWER):
             publishers, _, _ = ask(rosgraph.get_master_uri(), "getSystemState", timeout=2)
-            for node in set(dict(publishers).get(self.action_server.status_pub.resolved_name, ())) - {rospy.get_name()}:
+            for node in set(dict(publishers).get(self.action_server.result_pub.resolved_name, ())) - {rospy.get_name()}:
                 with contextlib.suppress(*NO_ANSWER):  # one that was killed is listed still
                     if ask_node(node, "getPid"):
                         others.add(node)
