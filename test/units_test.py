@@ -132,7 +132,7 @@ class Units(unittest.TestCase):
     def test_master_uri_that_is_none_is_named(self):
         for uri in "localhost:11311", "http://", "http://localhost", "http://localhost:port", "http://:1", \
                 "https://localhost:1":
-            with mock.patch.dict("os.environ", ROS_MASTER_URI=uri), arguments("--expr=a:=1;b:=2"), self.assertRaisesRegex(
+            with mock.patch.dict("os.environ", ROS_MASTER_URI=uri), arguments("-e=a:=1;b:=2"), self.assertRaisesRegex(
                     rospy.ROSInitException, "^ROS_MASTER_URI is '%s', must be like http://localhost:11311$" % uri):
                 robust.init_node("node")
 
@@ -273,6 +273,7 @@ class Units(unittest.TestCase):
 
         ended, server, other, forgotten = [], Server(), Server(), Server()
         with mock.patch.object(shutdown, "_endings", {}), \
+                mock.patch.object(rospy, "on_shutdown") as hooks, \
                 mock.patch.object(threading.Thread, "start", side_effect=RuntimeError):
             for _ in range(3):
                 shutdown.at_end(Server().end)
@@ -282,6 +283,7 @@ class Units(unittest.TestCase):
             shutdown.at_end(forgotten.end)
             del forgotten  # since
             shutdown._end_all_goals()
+            hooks.call_args[0][0]()  # which waits for them
             caller, called = log._Caller(0), threading.Event()
             caller.call(print)  # nor does the log fail
         caller.call(called.set)
@@ -382,6 +384,7 @@ class Units(unittest.TestCase):
             log.catch_up()
             for number, other in enumerate((
                     mock.patch.dict("os.environ", ROSCONSOLE_FORMAT="mine"), mock.patch.object(terminal, "level", 30),
+                    mock.patch.object(log, "_taken", [logging.NullHandler()]),
                     mock.patch.object(rospy.rostime, "is_wallclock", return_value=False))):
                 with other:
                     log.soon(lambda: "a plate")
@@ -393,7 +396,7 @@ class Units(unittest.TestCase):
         for line in "a bowl", "a cup":
             RosStreamHandler(stdout=theirs).emit(record(line))
         self.assertEqual(*(re.sub(r"\d+", "0", stream.getvalue()) for stream in (ours, theirs)))
-        self.assertEqual(["a plate"] * 3, said)
+        self.assertEqual(["a plate"] * 4, said)
 
     def test_line_waits_for_the_stream_that_it_goes_to_and_where_none_can_be_asked_for_none(self):
         stopped, write = mock.Mock(), mock.Mock()
@@ -436,20 +439,26 @@ class Units(unittest.TestCase):
             node._start((), {})
         self.assertEqual([False, False, rospy_s, True, None],
                          [*said, logging.raiseExceptions, rospy.client._init_node_args])
-        handler, sources = logging.FileHandler("/dev/null"), logging.getLogger("a library")
+        full = mock.Mock(**{"write.side_effect": OSError("it is full"), "fileno.side_effect": OSError})
+        handler, terminal = logging.FileHandler("/dev/null"), RosStreamHandler(stdout=full, stderr=full)
+        sources = logging.getLogger("a library")
         with contextlib.redirect_stderr(io.StringIO()) as complaints, mock.patch.object(log, "_taken", []):
-            log.hold_nobody_up([handler])
+            log.hold_nobody_up([handler, terminal])
             sources.addHandler(handler)
             handler.stream = io.StringIO()
             for number in range(2):
                 sources.warning("two words", number)  # as a wrong line of a library that its author never saw
             eventually(lambda: handler.stream.getvalue().count("\n") == 2, "both lines")
             self.assertRegex(handler.stream.getvalue(), "(?m)^two words, with .0,.: not all arguments")
-            handler.setStream(mock.Mock(**{"write.side_effect": OSError("it is full")}))
-            sources.warning("a bowl")
-            eventually(complaints.getvalue, "a complaint")
-            sources.removeHandler(handler)
-        self.assertEqual("cannot log to /dev/null: it is full\n", complaints.getvalue())
+            handler.setStream(full)
+            sources.addHandler(terminal)
+            for _ in range(2):
+                sources.warning("a bowl")
+            log.flush(30)
+            for one in handler, terminal:
+                sources.removeHandler(one)
+        self.assertCountEqual(["cannot log to %s: it is full" % place for place in ("/dev/null", "the terminal")],
+                              complaints.getvalue().splitlines())
 
     def test_log_asks_the_master_once_and_puts_nothing_into_the_cache_of_parameters(self):
         key, cache = "/rosout_disable_topics_generation", mock.Mock(**{"get.return_value": 3})
@@ -532,8 +541,9 @@ class Units(unittest.TestCase):
             log._others.call(lambda: eventually(lambda: said, "the first") and said.append("second") or
                              log._terminal.call(lambda: threading.Event().wait(0.2) or said.append("third")))
             rospy.core.signal_shutdown = one._signal_shutdown  # as begin() does
-            one._begun = time.monotonic()
+            one._begun, one._heard = time.monotonic(), signal.SIGTERM
             one._finish()
+            self.assertIsNone(one._heard, "a signal for a main thread that waits no more")
             self.assertIs(rospy.signal_shutdown, rospy.core.signal_shutdown, "who would end the node once more")
         self.assertEqual(["first", "second", "third"], said)
 
@@ -541,7 +551,8 @@ class Units(unittest.TestCase):
         with closer() as one, mock.patch.object(shutdown, "_endings", {}), mock.patch.object(rate, "wake") as wake, \
                 mock.patch.object(rospy, "on_shutdown"), mock.patch.dict(rospy.core._xmlrpc_cache), \
                 mock.patch.object(rospy.core, "_shutdown_hooks", []) as hooks:
-            shutdown.at_end(self.id)
+            for _ in range(2):
+                shutdown.at_end(self.id)
             rospy.core.add_shutdown_hook(lambda _: self.assertFalse(one._closed.is_set()))
             one._begin()
             for hook in hooks:
@@ -580,11 +591,12 @@ class Units(unittest.TestCase):
 
     def test_handler_of_the_program_is_called_when_the_node_is_down_but_waits_for_no_hooks_that_it_interrupts(self):
         def run_hooks(_):
-            if not ran_in:  # as rospy's
-                ran_in.append(threading.current_thread())
+            if not rospy.core._in_shutdown:  # as rospy's
+                rospy.core._in_shutdown = True
                 one._begin()
                 os.kill(os.getpid(), signal.SIGTERM)
-                one._hooks_ran.set()
+                for hook in rospy.core._client_shutdown_hooks:
+                    hook()
                 one._closed.set()
 
         def handle(*_):
@@ -594,17 +606,21 @@ class Units(unittest.TestCase):
         self.addCleanup(signal.signal, signal.SIGTERM, signal.signal(signal.SIGTERM, handle))
         with closer() as one, mock.patch.object(rospy, "signal_shutdown", run_hooks), \
                 mock.patch.object(shutdown, "hooks_thread", None), mock.patch.object(shutdown.Closer, "ident", 1), \
-                mock.patch.object(rospy.core, "_shutdown_hooks", []), mock.patch.dict(rospy.core._xmlrpc_cache), \
-                mock.patch.object(shutdown, "CLOSED_WITHIN", 15):
+                mock.patch.multiple(rospy.core, _in_shutdown=False, _shutdown_hooks=[], _client_shutdown_hooks=[
+                    lambda: ran_in.append(threading.current_thread())]), \
+                mock.patch.multiple(shutdown, _endings={}, CLOSED_WITHIN=15), mock.patch.dict(rospy.core._xmlrpc_cache):
             begun = time.monotonic()
             one._finish()
-            self.assertLess(time.monotonic() - begun, shutdown.CLOSED_WITHIN, "s")
             one._closed.clear()
             shutdown.hooks_thread = 1  # not this one
-            threading.Timer(0.1, one._closed.set).start()
+            threading.Timer(shutdown.HELD_FOR + 0.1, one._closed.set).start()
             signal.raise_signal(signal.SIGTERM)
+            one._closed.clear()
+            one._begun -= shutdown.CLOSED_WITHIN  # the end began that long ago
+            one._finish()
+            self.assertLess(time.monotonic() - begun, shutdown.CLOSED_WITHIN, "s")
         self.assertEqual([False, True], handled)
-        self.assertEqual([threading.main_thread()], ran_in)
+        self.assertEqual([threading.main_thread()], ran_in, "once")
 
     def test_line_on_a_goal_that_another_thread_has_just_taken_is_no_error(self):
         with mock.patch.object(log, "_soon", mock.MagicMock(popleft=mock.Mock(side_effect=IndexError))):
@@ -720,6 +736,14 @@ class Units(unittest.TestCase):
                         thread.submit(goal.look, 5).result()
                     self.assertEqual(silence, goal.silence, (goal_id, message))
 
+    def test_news_of_other_goals_and_of_one_that_has_ended_wait_for_none_of_its_callbacks(self):
+        goal, result = self.goal_and_result(None)
+        with ThreadPoolExecutor(1) as thread, goal.mutex:  # as done_cb is called
+            thread.submit(goal.update_result, TestActionResult()).result(10)
+            goal.state = CommState.DONE
+            for hear, news in (goal.update_result, result), (goal.update_status, GoalStatusArray()):
+                thread.submit(hear, news).result(10)
+
     def test_feedback_that_nobody_wants_is_no_error(self):
         asked = mock.MagicMock(feedback_cb=None)
         robust.SimpleActionClient._handle_feedback(asked, asked.gh, None)
@@ -797,18 +821,21 @@ class Units(unittest.TestCase):
             one.gh = actionlib.ClientGoalHandle(self.goal_and_result(None)[0])
 
         one = robust.SimpleActionClient.__new__(robust.SimpleActionClient)
-        one.__dict__.update(_SimpleActionClient__is_set_up=True, _SimpleActionClient__is_watched=True)
+        one.__dict__.update(_SimpleActionClient__set_up=mock.Mock(), _SimpleActionClient__is_watched=True)
         one.action_client = mock.MagicMock(**{"manager.list_mutex": threading.RLock()})
         for hooks_thread, requested in (None, False), (threading.get_ident(), True), (None, True), (-1, True):
             with mock.patch.object(shutdown, "hooks_thread", hooks_thread), \
                     mock.patch.object(rospy.core, "_in_shutdown", requested), \
                     mock.patch.object(actionlib.SimpleActionClient, "send_goal", send), \
-                    mock.patch.object(shutdown, "unfinished", mock.Mock()) as unfinished, ThreadPoolExecutor(1) as thread:
+                    mock.patch.object(shutdown, "unfinished") as unfinished, ThreadPoolExecutor(1) as thread:
                 if hooks_thread == -1:  # they have run
                     self.assertRaises(rospy.ROSInitException, one.send_goal, None)
                 else:
                     one.send_goal(None)
                     self.assertEqual(requested, unfinished.add.mock_calls[0][1][0].in_hook)
+        with mock.patch.object(rospy, "is_shutdown", return_value=True):
+            self.assertRaises(rospy.ROSInitException, one.send_goal, None)
+        self.assertEqual(5, one._SimpleActionClient__set_up.call_count, "a subclass may have an __init__ of its own")
 
     def test_short_wait_for_a_server_far_away_finds_it_and_a_look_does(self):
         for timeout in 0.001, -1:
@@ -826,6 +853,8 @@ class Units(unittest.TestCase):
         self.assertFalse(ask.called)
         asked.action_client.status_sub.impl = None  # of a client that was stopped
         self.assertFalse(lives(asked))
+        asked.action_client.last_status_msg, asked.action_client.status_sub.impl = None, mock.Mock(connections=[ours])
+        self.assertFalse(lives(asked), "it never spoke")
 
     def test_wait_for_a_server_before_init_node_does_not_begin(self):
         with self.assertRaisesRegex(rospy.ROSInitException, "init_node"):
@@ -877,7 +906,10 @@ class Units(unittest.TestCase):
         return server, connect
 
     def test_socket_for_peers_waits_whatever_the_default_time_out_and_may_be_closed_before_its_thread_runs(self):
-        server = self.peers_server()[0]
+        server, tcpros = self.peers_server()[0], tcpros_base.init_tcpros_server()
+        connect = tcpros.topic_connection_handler
+        peers.serve_all_peers()
+        self.assertIs(connect, tcpros.topic_connection_handler, "that of the first call")
         self.assertTrue(os.get_blocking(server.server_sock.fileno()))
         server.shutdown()
         server.run()
@@ -1030,6 +1062,8 @@ class Units(unittest.TestCase):
         type(asked).need_to_terminate = mock.PropertyMock(side_effect=[False, True])
         robust.SimpleActionServer.executeLoop(asked)
         asked.execute_condition.wait.assert_not_called()
+        with mock.patch.object(rospy, "is_shutdown", return_value=True):  # before the server was started
+            robust.SimpleActionServer.executeLoop(mock.Mock(need_to_terminate=False))
 
     def test_server_that_its_subclass_or_program_starts_in_a_way_of_its_own_begins_once_and_ends_when_told(self):
         class Own(robust.SimpleActionServer):
@@ -1047,8 +1081,12 @@ class Units(unittest.TestCase):
                 self.addCleanup(setattr, one, "need_to_terminate", True)
                 for _ in range(2):
                     one.action_server.start()
-            initialize.assert_called_once()
-            one.action_server.status_timer, one.action_server.status_frequency = mock.Mock(), 7
+                initialize.assert_called_once()
+                thread, one.action_server.started = one.execute_thread, False
+                one.action_server.start()  # it was stopped
+                self.assertIs(thread, one.execute_thread)
+                Own("work", TestAction, print, False).__del__()
+            one.action_server.status_frequency = 7
             self.assertEqual((7, True), (one.action_server.status_frequency, one.execute_thread.is_alive()))
             shutdown.aside(end, one)
             eventually(lambda: not one.execute_thread.is_alive(), "an end")
@@ -1131,10 +1169,11 @@ class Units(unittest.TestCase):
 
     def test_goal_that_waits_while_the_node_ends_is_recalled_and_not_taken_up(self):
         for state, is_recalled in (GoalStatus.PENDING, True), (GoalStatus.REJECTED, False):
-            asked = mock.MagicMock(preempt_callback=None)
+            asked = mock.MagicMock(**{"is_active.return_value": False})
             asked.next_goal.get_goal_status().status = state  # the program may have ended it in its goal callback
             robust.SimpleActionServer._SimpleActionServer__ask_to_stop(asked)
             self.assertEqual((is_recalled, False), (asked.next_goal.set_canceled.called, asked.new_goal))
+            asked.preempt_callback.assert_not_called()
 
     def test_goal_that_is_accepted_takes_over_from_one_that_runs_only(self):
         one = robust.SimpleActionServer("work", TestAction, auto_start=False)
@@ -1162,6 +1201,8 @@ class Units(unittest.TestCase):
         asked.is_active.assert_not_called()  # which waits for a callback that may wait for the worker
         with mock.patch.object(rospy, "is_shutdown", return_value=True):
             self.assertTrue(stop_requested(), "the clock may stand still")
+        asked.current_goal.status_tracker = None
+        self.assertFalse(stop_requested(), "there was no goal")
         asked.is_preempt_requested, asked._SimpleActionServer__taken_over = lambda: False, 5
         self.assertFalse(stop_requested(), "by a goal that came since the last stop")
         asked._SimpleActionServer__taken_over = 1
@@ -1181,14 +1222,16 @@ class Units(unittest.TestCase):
             one.accept_new_goal()
             for other in others:
                 sent(TestActionGoal(goal_id=GoalID(id=other, stamp=rospy.Time(2 ** 31))))  # a clock that is wrong
-            with mock.patch.object(shutdown, "SENT_WITHIN", 0), mock.patch.object(actionlib.ActionServer, "stop"):
+            with mock.patch.object(time, "sleep") as sleep, mock.patch.object(
+                    actionlib.ActionServer, "stop", side_effect=lambda: sleep.assert_called_with(shutdown.SENT_WITHIN)):
                 one.action_server.stop()
             self.assertEqual([("runs", GoalStatus.ABORTED)] + [(each, GoalStatus.RECALLED) for each in others], shown())
             self.assertEqual((False, True), (one.is_new_goal_available(), one.is_preempt_requested()))
             sent(TestActionGoal(goal_id=GoalID(id="late")))  # its topics may be open yet
             self.assertEqual([("late", GoalStatus.RECALLED)], shown())
-            late = one.action_server.result_pub.publish.call_args[0][0].status
-            self.assertEqual(("late", server.SHUTTING_DOWN), (late.goal_id.id, late.text))
+            late, = one.action_server.result_pub.publish.call_args[0]
+            self.assertEqual(("late", server.SHUTTING_DOWN), (late.status.goal_id.id, late.status.text))
+            self.assertGreater(late.header.stamp, rospy.Time())
             one.action_server.started, one.action_server.status_list_timeout = True, rospy.Duration(-1)  # again
             sent(TestActionGoal(goal_id=GoalID(id="next", stamp=rospy.Time(1))))
             one.accept_new_goal()
@@ -1196,9 +1239,19 @@ class Units(unittest.TestCase):
             one.action_server.publish_status()
             self.assertEqual([("next", GoalStatus.ACTIVE)], shown())
 
+    def test_goal_that_is_older_than_the_one_that_runs_is_recalled(self):
+        one = self.serving()
+        for stamp in 2, 1:
+            one.action_server.internal_goal_callback(
+                TestActionGoal(goal_id=GoalID(id="of %d" % stamp, stamp=rospy.Time(stamp))))
+            one.accept_new_goal()
+        ended, = one.action_server.result_pub.publish.call_args[0]
+        self.assertEqual(("of 1", False), (ended.status.goal_id.id, one.is_preempt_requested()))
+
     def test_status_shows_an_ending_also_where_the_clock_leaps_meanwhile_and_for_5_s_after_one_was_set_back(self):
         one = self.serving()
         one.action_server.status_list_timeout = rospy.Duration(5)
+        one.action_server.publish_result(GoalStatus(), None)  # of a goal that is the program's own
         one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id="goal")))
         one.accept_new_goal()
         with mock.patch.object(rospy.Time, "now", side_effect=map(rospy.Time, range(1000, 2000, 10))):

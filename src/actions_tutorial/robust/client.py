@@ -116,7 +116,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """Returns whether messages go both ways. The library looks at its own ends: what is sent too early is lost."""
         client = self.action_client
         status = client.last_status_msg
-        if not status or status is self.__silent:
+        if status is self.__silent:  # None, both, before there is any
             return False
         server = status._connection_header["callerid"]
         publishers = client.pub_goal, client.pub_cancel

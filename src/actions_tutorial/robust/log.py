@@ -59,7 +59,7 @@ def show():
     """Write the lines of soon() to the terminal, now, in the form that rospy's handler has by default. /rosout and the
     file get them at the next catch_up(). Without it, a first feedback waits 0.3 ms for rospy's own way to a line."""
     terminal = next((one for one in _taken if isinstance(one, RosStreamHandler)), None)
-    if not _soon or not terminal or "ROSCONSOLE_FORMAT" in os.environ or not rospy.rostime.is_wallclock() or \
+    if not terminal or "ROSCONSOLE_FORMAT" in os.environ or not rospy.rostime.is_wallclock() or \
             not logging.getLogger("rosout").isEnabledFor(logging.INFO) or logging.INFO < terminal.level:
         return catch_up()
     for line in _taken_off():

@@ -67,8 +67,8 @@ def check_arguments(arguments, known):
     for argument in arguments:
         name, _, value = argument.partition(":=")
         if ":=" in value or not value or not rosgraph.names.is_legal_remap(argument):
-            raise ValueError("unknown argument %r, must be --help or set one of the parameters %s, as in _%s:=VALUE" % (
-                argument, ", ".join(known), (known or ["~NAME"])[0][1:]))
+            raise ValueError("unknown argument %r, must be --help or, as in _NAME:=VALUE, set one of %s" % (
+                argument, ", ".join(known)))
         if name[0] == "_" and name[1:2] != "_" and "~" + name[1:] not in known:
             raise ValueError("unknown parameter ~%s, must be one of %s%s" % (
                 name[1:], ", ".join(known), "; __name:=VALUE names the node" if name == "_name" else ""))

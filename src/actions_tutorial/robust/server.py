@@ -267,7 +267,7 @@ class _ActionServer(actionlib.ActionServer):
     """Sends what a client waits for before the status of it, and forgets no goal before a status has shown its end."""
 
     # 0 for initialize(), which then starts no rospy.Timer: that dies if the clock is set back (rospy before 1.17).
-    status_frequency = property(lambda self: self._frequency if self.status_timer else 0.0,
+    status_frequency = property(lambda self: self._frequency if self.started else 0.0,
                                 lambda self, value: setattr(self, "_frequency", value))
 
     def __init__(self, begin, stopped, *args, **options):
@@ -303,7 +303,6 @@ class _ActionServer(actionlib.ActionServer):
         get_params({"actionlib_server_pub_queue_size": (50, None, None), ns + "/status_frequency": hertz,
                     "actionlib_server_sub_queue_size": (-1, None, None), frequency: hertz,
                     ns + "/status_list_timeout": (5.0, 0, 1e6)})
-        self.status_timer = None  # or that of an earlier start
         super().initialize()
         need("actionlib", self, "status_timer", "_frequency", "started", "lock", "status_list", "last_cancel",
              "status_pub", "feedback_pub", "result_pub", "ActionResult", "ActionResultType")
@@ -395,8 +394,6 @@ class _ActionServer(actionlib.ActionServer):
 
     def close(self):
         """End whatever has no ending, and stop, even if a callback holds the lock for ever."""
-        if not self.started:
-            return
         mine = self.lock.acquire(timeout=0.05)
         try:
             self.started = False  # without it, the heartbeat beats into closed topics

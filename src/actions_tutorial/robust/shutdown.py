@@ -215,7 +215,6 @@ class Closer(threading.Thread):
 
     def _begin(self):
         """On shutdown, whoever asked for it."""
-        self._hooks.acquire(blocking=False)
         self._begun = time.monotonic()
         # Without it, a call that the master never answers holds up all that follow (rospy/core.py, _LockedServerProxy).
         uri = rosgraph.get_master_uri()
