@@ -1251,7 +1251,9 @@ class Units(unittest.TestCase):
     def test_status_shows_an_ending_also_where_the_clock_leaps_meanwhile_and_for_5_s_after_one_was_set_back(self):
         one = self.serving()
         one.action_server.status_list_timeout = rospy.Duration(5)
-        one.action_server.publish_result(GoalStatus(), None)  # of a goal that is the program's own
+        program_s = GoalStatus(status=GoalStatus.SUCCEEDED)  # of a goal that is no server's
+        one.action_server.publish_result(program_s, None)
+        self.assertEqual(GoalStatus.SUCCEEDED, program_s.status)
         one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id="goal")))
         one.accept_new_goal()
         with mock.patch.object(rospy.Time, "now", side_effect=map(rospy.Time, range(1000, 2000, 10))):
