@@ -665,8 +665,13 @@ class Units(unittest.TestCase):
 
     def watch(self, *goals, clock=itertools.repeat(1), **client_s):
         """Have a client look after goals (mock.Mock), one at each look, at times of clock; it has these attributes."""
-        watched = mock.MagicMock(_SimpleActionClient__goal=mock.Mock(side_effect=[*goals, None]),
-                                 _SimpleActionClient__heartbeat_timeout=5, **client_s)
+        def tracked(goals=iter([*goals, None])):
+            self.assertFalse(is_free(mutex), "another thread may send the next goal just now")
+            return next(goals)
+
+        watched, mutex = mock.MagicMock(
+            _SimpleActionClient__goal=tracked, _SimpleActionClient__heartbeat_timeout=5, **client_s), threading.RLock()
+        watched.action_client.manager.list_mutex = mutex
         with mock.patch.object(rospy, "get_time", side_effect=clock):
             robust.SimpleActionClient._SimpleActionClient__watch(watched)
 

@@ -90,7 +90,7 @@ def wait_until(condition, seconds):
     """Returns condition(), which it waits for (real s)."""
     end = time.monotonic() + seconds
     while not condition() and time.monotonic() < end:
-        time.sleep(0.005)
+        time.sleep(0.001)
     return condition()
 
 

@@ -382,10 +382,8 @@ class _ActionServer(actionlib.ActionServer):
         finally:  # a callback of the program's may raise
             rate.wake()
             # Without it, whoever waits for PREEMPTING waits for the heartbeat, on the ROS clock.
-            until, ended = time.monotonic() + HEAD_START, bool(self._unshown)  # by a callback for preempts
-            while self._put_off and not self._unshown and time.monotonic() < until:
-                time.sleep(0.001)
-            if self._put_off and (ended or not self._unshown):  # else whoever ends it shows it
+            wait_until(lambda: self._unshown or not self._put_off, HEAD_START)  # for its result
+            if self._put_off:
                 self.publish_status()
 
     def unended(self):
