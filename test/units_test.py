@@ -104,11 +104,13 @@ class Units(unittest.TestCase):
                 ("[1]", {}, {}, r"is \[1\], must be a dictionary"),
                 (".nan", 0.5, {"lowest": 0}, "is nan, must be "), (".inf", 0.5, {"lowest": 0}, "is inf, must be "),
                 ("-.inf", 0.5, {"highest": 9}, "is -inf, must be "), ("soon", 0.5, {}, "is 'soon', must be a number"),
-                ("-1", 7, {"lowest": 0}, "is -1, must be a whole number from 0$"),
+                ("-1", 7, {"lowest": 2147483647}, "is -1, must be a whole number from 2147483647$"),
                 ("3", 0.5, {"highest": 1.5}, "is 3, must be a number to 1.5$"),
                 ("10", 7, {"lowest": 0, "highest": 9}, "is 10, must be a whole number from 0 to 9$")):
             with arguments("_n:=" + text), self.assertRaisesRegex(ValueError, "^~n " + words):
                 robust.get_param("~n", default, **limits)
+        with arguments(), self.assertRaisesRegex(ValueError, "^~n is 10, must be a whole number to 9$"):
+            robust.get_param("~n", 10, highest=9)  # a default that is wrong is from nowhere
 
     def test_wrong_argument_is_one_line_and_exit_status_2_and_help_is_0(self):
         for argument, status, words in (  # start_faults_test.py has more of them
@@ -228,6 +230,7 @@ class Units(unittest.TestCase):
             for _ in range(2000):
                 one.close()
             signal.raise_signal(signal.SIGTERM)
+            self.assertFalse(one._hooks.locked(), "hooks run before there is a node")
         complaint.assert_not_called()
 
     def test_node_is_not_killed_any_more_when_its_end_has_come_in_time(self):
@@ -651,6 +654,9 @@ class Units(unittest.TestCase):
             with mock.patch.multiple(sys, stdout=other, __stdout__=other):
                 stdout.take_over(print)
                 self.assertIs(other, sys.stdout)
+        with mock.patch.object(sys, "stdout", weakref.proxy(sys.__stdout__)) as tee:  # a program's own way to it
+            stdout.take_over(print)
+        self.assertNotIn("write", vars(tee))
 
     def test_full_pipe_that_does_not_block_is_the_program_s_own_affair(self):
         close_node = mock.Mock()
@@ -1179,6 +1185,9 @@ class Units(unittest.TestCase):
             robust.SimpleActionServer._SimpleActionServer__ask_to_stop(asked)
             self.assertEqual((is_recalled, False), (asked.next_goal.set_canceled.called, asked.new_goal))
             asked.preempt_callback.assert_not_called()
+        asked.next_goal.get_goal_status.reset_mock()
+        robust.SimpleActionServer._SimpleActionServer__ask_to_stop(asked)
+        asked.next_goal.get_goal_status.assert_not_called()  # of none that waits there is none
 
     def test_goal_that_is_accepted_takes_over_from_one_that_runs_only(self):
         one = robust.SimpleActionServer("work", TestAction, auto_start=False)
@@ -1243,6 +1252,10 @@ class Units(unittest.TestCase):
             self.assertEqual((True, False), (one.is_active(), one.is_preempt_requested()))
             one.action_server.publish_status()
             self.assertEqual([("next", GoalStatus.ACTIVE)], shown())
+            with ThreadPoolExecutor(1) as thread:
+                thread.submit(one.action_server.lock.acquire).result()  # a callback that never comes back
+                one.action_server.close()
+            self.assertEqual([("next", GoalStatus.ABORTED)], shown())
 
     def test_goal_that_is_older_than_the_one_that_runs_is_recalled(self):
         one = self.serving()
@@ -1259,17 +1272,19 @@ class Units(unittest.TestCase):
         program_s = GoalStatus(status=GoalStatus.SUCCEEDED)  # of a goal that is no server's
         one.action_server.publish_result(program_s, None)
         self.assertEqual(GoalStatus.SUCCEEDED, program_s.status)
-        one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id="goal")))
+        one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id="goal", stamp=rospy.Time(600))))
         one.accept_new_goal()
+        one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id="next")))
         with mock.patch.object(rospy.Time, "now", side_effect=map(rospy.Time, range(1000, 2000, 10))):
             one.set_succeeded()
-        shown, = one.action_server.status_pub.publish.call_args[0][0].status_list
+        shown, _ = one.action_server.status_pub.publish.call_args[0][0].status_list
         self.assertEqual(("goal", GoalStatus.SUCCEEDED), (shown.goal_id.id, shown.status))
-        for now, shows in (700, ["goal"]), (705, ["goal"]), (706, []):
+        goal, following = ("goal", rospy.Time(600)), ("next", rospy.Time())  # whose stamp would be in the future
+        for now, shows in (700, [goal, following]), (705, [goal, following]), (706, [following]):
             with mock.patch.object(rospy.Time, "now", return_value=rospy.Time(now)):
                 one.action_server.publish_status_async(None)
             statuses = one.action_server.status_pub.publish.call_args[0][0].status_list
-            self.assertEqual(shows, [status.goal_id.id for status in statuses])
+            self.assertEqual(shows, [(status.goal_id.id, status.goal_id.stamp) for status in statuses])
 
     def test_what_is_logged_of_a_goal_holds_up_neither_it_nor_its_ending_and_is_what_came(self):
         one, lines, goal = self.serving(), [], TestActionGoal(goal_id=GoalID(id="\x1b" * 1000))

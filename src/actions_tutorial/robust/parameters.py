@@ -47,7 +47,7 @@ def _get(param_name, default, lowest, highest, checks=True):
     must_be = _KINDS[kind]
     for word, limit in (("from", lowest), ("to", highest)):
         if limit is not None:
-            must_be += " %s %s" % (word, limit if kind is int else "%g" % limit)
+            must_be += " %s %.12g" % (word, limit)
     if any(argument.startswith("__log:=") for argument in sys.argv):  # which only roslaunch gives
         must_be += "; this one is from the launch"
     elif started and param_name not in given:  # ROS keeps the parameters of earlier runs
