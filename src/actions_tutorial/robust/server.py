@@ -339,19 +339,18 @@ class _ActionServer(actionlib.ActionServer):
 
     def publish_result(self, status, result):
         """Without it, a goal whose result cannot be sent has no ending."""
-        with self.lock:
-            tracker = next((one for one in reversed(self.status_list) if one.status is status), None)
-            if tracker:  # it is no status of the program's own
-                self._unshown.append(tracker)
-            if status.status == GoalStatus.RECALLED:  # which actionlib gives no text, if the cancel came first
-                status.text = status.text or "cancelled before it was taken up"
-            try:
-                super().publish_result(status, result)
-            except Exception as error:
-                clear(self.result_pub)
-                status.status, status.text = GoalStatus.ABORTED, _sendable("the result cannot be sent: %s" % error)
-                super().publish_result(status, self.ActionResultType())
-                rospy.logerr("%s: %s", rospy.resolve_name(self.ns), log.printable(status.text))
+        tracker = next((one for one in reversed(self.status_list) if one.status is status), None)
+        if tracker:  # it is no status of the program's own
+            self._unshown.append(tracker)
+        if status.status == GoalStatus.RECALLED:  # which actionlib gives no text, if the cancel came first
+            status.text = status.text or "cancelled before it was taken up"
+        try:
+            super().publish_result(status, result)
+        except Exception as error:
+            clear(self.result_pub)
+            status.status, status.text = GoalStatus.ABORTED, _sendable("the result cannot be sent: %s" % error)
+            super().publish_result(status, self.ActionResultType())
+            rospy.logerr("%s: %s", rospy.resolve_name(self.ns), log.printable(status.text))
 
     def publish_feedback(self, status, feedback):
         try:
