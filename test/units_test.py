@@ -1257,6 +1257,14 @@ class Units(unittest.TestCase):
                 one.action_server.close()
             self.assertEqual([("next", GoalStatus.ABORTED)], shown())
 
+    def test_goal_comes_and_a_heart_beats_with_the_lock(self):
+        one = self.serving().action_server
+        look = mock.Mock(side_effect=lambda: self.assertFalse(is_free(one.lock)))
+        with mock.patch.object(one, "_look_at_the_clock", look):
+            one.internal_goal_callback(TestActionGoal())
+            one.publish_status_async(None)
+        self.assertEqual(2, look.call_count)
+
     def test_goal_that_is_older_than_the_one_that_runs_is_recalled(self):
         one = self.serving()
         for stamp in 2, 1:
