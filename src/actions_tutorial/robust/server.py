@@ -151,10 +151,9 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         if self.__shutting_down:
             goal.set_canceled(None, SHUTTING_DOWN)
             return
-        with self.lock:
-            if not self.is_active():
-                # Without it, nobody is served any more after one stamp from the future: theirs are older.
-                self.current_goal.__class__ = _Ended  # next_goal, too, is this object if none waits
+        if not self.is_active():
+            # Without it, nobody is served any more after one stamp from the future: theirs are older.
+            self.current_goal.__class__ = _Ended  # next_goal, too, is this object if none waits
         try:
             super().internal_goal_callback(goal)
         except BaseException:  # actionlib keeps its lock after sys.exit and after an error without words
