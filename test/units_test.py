@@ -249,7 +249,10 @@ class Units(unittest.TestCase):
         self.addCleanup(signal.signal, signal.SIGHUP, signal.signal(signal.SIGHUP, signal.SIG_IGN))  # as nohup does
         with closer() as one:
             self.assertEqual(signal.SIG_IGN, signal.getsignal(signal.SIGHUP))
-            one._before[signal.SIGTERM] = None
+            one._before[signal.SIGTERM], one._heard = None, signal.SIGTERM
+            program_s = signal.signal(signal.SIGTERM, self.fail)
+            one._is_down(None)  # the handler is another's by now
+            signal.signal(signal.SIGTERM, program_s)
         shutdown.Closer().give_up()
         with socket.socket() as program_s:
             program_s.setblocking(False)
@@ -336,20 +339,24 @@ class Units(unittest.TestCase):
                 with self.assertRaises(internals.NO_ANSWER):
                     internals.ask("http://localhost:%d" % other.getsockname()[1], "getPid", timeout=30)
 
-    def test_two_threads_ask_the_master_at_once(self):
+    def test_two_threads_ask_the_master_at_once_and_a_server_whose_socket_was_closed_does_not_ask_it_on_and_on(self):
         def answer():
             asked.wait(10)
             return 1, "", "yes"
 
+        peers.end_quietly()
         asked = threading.Barrier(2)
-        with rosgraph.xmlrpc.ThreadingXMLRPCServer(("localhost", 0), 0) as other:
+        with ThreadPoolExecutor(3) as threads, rosgraph.xmlrpc.ThreadingXMLRPCServer(("localhost", 0), 0) as other:
             other.register_function(answer)
-            shutdown.aside(other.serve_forever)
-            self.addCleanup(other.shutdown)
+            served = threads.submit(other.serve_forever)
             proxy = internals.impatient_proxy("http://localhost:%d" % other.server_address[1], 10)
-            with ThreadPoolExecutor(2) as threads:
-                answers = [threads.submit(proxy.answer) for _ in range(2)]
+            answers = [threads.submit(proxy.answer) for _ in range(2)]
             self.assertEqual(["yes", "yes"], [one.result()[2] for one in answers])
+            other.server_close()
+            try:
+                self.assertEqual("closed", str(served.exception(10)))
+            finally:
+                other.shutdown()
 
     def logged(self):
         """Returns a list to which each line of rospy's log is added."""
@@ -783,6 +790,9 @@ class Units(unittest.TestCase):
         with mock.patch.object(parameters, "_rospy_get_param", return_value=3) as asked:
             self.assertEqual((3, 1), (robust.get_param("/plates", 1), robust.get_param("~plates", 1)))
         asked.assert_called_once_with("/plates", 1)
+        with mock.patch.object(rospy.core, "is_initialized", return_value=True), arguments("_plates:=5"), \
+                mock.patch.object(parameters, "_rospy_get_param", return_value=3):
+            self.assertEqual(3, robust.get_param("~plates", 1), "as it is now")
 
     def test_client_whose_topics_are_closed_while_it_starts_says_that_it_was_interrupted(self):
         closed = rospy.ROSException("subscriber has been closed")
@@ -1067,12 +1077,13 @@ class Units(unittest.TestCase):
             setattr(one.action_server, topic, mock.Mock())
         return one
 
-    def test_loop_of_a_server_to_which_a_goal_comes_while_it_looks_does_not_wait(self):
-        asked = mock.MagicMock(new_goal=False)
-        asked.is_new_goal_available = lambda: setattr(asked, "new_goal", True)  # None: it found none
-        type(asked).need_to_terminate = mock.PropertyMock(side_effect=[False, True])
-        robust.SimpleActionServer.executeLoop(asked)
-        asked.execute_condition.wait.assert_not_called()
+    def test_loop_of_a_server_waits_when_it_looked_in_vain_but_not_if_a_goal_came_meanwhile(self):
+        for comes in False, True:
+            asked = mock.MagicMock(new_goal=False)
+            asked.is_new_goal_available = lambda: setattr(asked, "new_goal", comes)  # None: it found none
+            type(asked).need_to_terminate = mock.PropertyMock(side_effect=[False, True])
+            robust.SimpleActionServer.executeLoop(asked)
+            self.assertEqual([] if comes else [mock.call(0.1)], asked.execute_condition.wait.mock_calls)
         with mock.patch.object(rospy, "is_shutdown", return_value=True):  # before the server was started
             robust.SimpleActionServer.executeLoop(mock.Mock(need_to_terminate=False))
 

@@ -329,7 +329,7 @@ class _ActionServer(actionlib.ActionServer):
     def status_later(self, later=True):
         """Within it, a status waits for the next one, if later (bool): else all get it before one gets the result."""
         with self.lock:
-            before, self._later = self._later, later or self._later
+            before, self._later = self._later, later
             try:
                 yield
             finally:
