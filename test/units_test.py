@@ -600,35 +600,38 @@ class Units(unittest.TestCase):
         self.assertEqual(([True, True], 2), (ran, said.getvalue().count("SystemExit")))
 
     def test_handler_of_the_program_is_called_when_the_node_is_down_but_waits_for_no_hooks_that_it_interrupts(self):
-        def run_hooks(_):
-            if not rospy.core._in_shutdown:  # as rospy's
-                rospy.core._in_shutdown = True
-                one._begin()
-                os.kill(os.getpid(), signal.SIGTERM)
-                for hook in rospy.core._client_shutdown_hooks:
-                    hook()
-                one._closed.set()
+        def hook():
+            ran_in.append(threading.current_thread())
+            os.kill(os.getpid(), signal.SIGTERM)
 
-        def handle(*_):
-            handled.append(one._closed.is_set())
+        def close(_, hung=threading.Event()):  # as rospy.signal_shutdown, which stays a while when the node is down
+            one._closed.set()
+            self.addCleanup(hung.set)
+            hung.wait(30)
 
-        ran_in, handled = [], []
-        self.addCleanup(signal.signal, signal.SIGTERM, signal.signal(signal.SIGTERM, handle))
-        with closer() as one, mock.patch.object(rospy, "signal_shutdown", run_hooks), \
-                mock.patch.object(shutdown, "hooks_thread", None), mock.patch.object(shutdown.Closer, "ident", 1), \
-                mock.patch.multiple(rospy.core, _in_shutdown=False, _shutdown_hooks=[], _client_shutdown_hooks=[
-                    lambda: ran_in.append(threading.current_thread())]), \
+        ran_in, handled, begun = [], [], time.monotonic()
+        handler = signal.signal(signal.SIGTERM, lambda *_: handled.append(one._closed.is_set()))
+        self.addCleanup(signal.signal, signal.SIGTERM, handler)
+        with mock.patch.object(shutdown.Closer, "ident", 1), mock.patch.object(shutdown, "hooks_thread", None), \
+                mock.patch.multiple(rospy.core, _in_shutdown=False, _shutdown_hooks=[], _client_shutdown_hooks=[]), \
                 mock.patch.multiple(shutdown, _endings={}, CLOSED_WITHIN=15), mock.patch.dict(rospy.core._xmlrpc_cache):
-            begun = time.monotonic()
-            one._finish()
-            one._closed.clear()
-            shutdown.hooks_thread = 1  # not this one
-            threading.Timer(shutdown.HELD_FOR + 0.1, one._closed.set).start()
-            signal.raise_signal(signal.SIGTERM)
-            one._closed.clear()
-            one._begun -= shutdown.CLOSED_WITHIN  # the end began that long ago
-            one._finish()
-            self.assertLess(time.monotonic() - begun, shutdown.CLOSED_WITHIN, "s")
+            rospy.on_shutdown(hook)
+            with closer() as one, mock.patch.object(rospy, "signal_shutdown", close):  # the program has ended
+                one._finish()
+            with closer() as one, mock.patch.object(rospy, "signal_shutdown") as down:  # another thread has called that
+                rospy.core._in_shutdown, rospy.core._client_shutdown_hooks[:] = True, [hook]
+                one._begin()
+                for its_hook in rospy.core._client_shutdown_hooks[1:]:
+                    its_hook()
+                shutdown.hooks_thread = 1
+                threading.Timer(shutdown.HELD_FOR + 0.1, one._closed.set).start()
+                signal.raise_signal(signal.SIGTERM)
+                one._finish()
+                down.assert_not_called()
+                one._closed.clear()
+                one._begun -= shutdown.CLOSED_WITHIN  # that long ago
+                one._finish()
+        self.assertLess(time.monotonic() - begun, 15, "s")
         self.assertEqual([False, True], handled)
         self.assertEqual([threading.main_thread()], ran_in, "once")
 

@@ -238,7 +238,11 @@ class Closer(threading.Thread):
         """Once; the exit status stays what it is. A program that ends by itself waits for its hooks, as with rospy."""
         rospy.core.signal_shutdown = rospy.signal_shutdown
         self._heard = None  # nobody waits in pause() any more
-        rospy.signal_shutdown("the program has ended")  # if nobody else has
+        self._run_hooks()
+        if not self._closed.is_set():  # a thread that starts while Python ends can crash it (3.11)
+            # Aside, for rospy waits for 0.6 s more when it has closed the node.
+            closing = aside(rospy.signal_shutdown, "the program has ended")
+            wait_until(lambda: self._closed.is_set() or not closing.is_alive(), math.inf)
         self._closed.wait((self._begun or time.monotonic()) + CLOSED_WITHIN - time.monotonic())
         self._deadline = None
         log.flush(LOG_WITHIN)
