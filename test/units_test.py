@@ -1284,6 +1284,17 @@ class Units(unittest.TestCase):
             one.action_server.publish_status_async(None)
         self.assertGreaterEqual(held.call_count, 5)
 
+    def test_status_after_a_cancel_shows_what_the_callback_has_made_of_the_goal(self):
+        for callback, state in (mock.Mock(), GoalStatus.PREEMPTING), (
+                actionlib.ServerGoalHandle.set_canceled, GoalStatus.PREEMPTED):
+            one = self.serving()
+            one.action_server.cancel_callback = callback
+            one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id="goal")))
+            one.accept_new_goal()
+            one.action_server.internal_cancel_callback(GoalID(id="goal"))
+            shown, = one.action_server.status_pub.publish.call_args[0][0].status_list
+            self.assertEqual(state, shown.status)
+
     def test_goal_that_is_older_than_the_one_that_runs_is_recalled(self):
         one = self.serving()
         for stamp in 2, 1:

@@ -379,8 +379,9 @@ class _ActionServer(actionlib.ActionServer):
         finally:  # a callback of the program's may raise
             rate.wake()
             # Without it, whoever waits for PREEMPTING waits for the heartbeat, on the ROS clock.
-            wait_until(lambda: self._unshown or not self._put_off, HEAD_START)  # for its result
-            if self._put_off:
+            ended = bool(self._unshown)  # by the callback
+            wait_until(lambda: self._unshown or not self._put_off, HEAD_START)
+            if self._put_off and (ended or not self._unshown):  # else the thread of execute_cb shows its end
                 self.publish_status()
 
     def unended(self):
