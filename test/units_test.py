@@ -1291,9 +1291,10 @@ class Units(unittest.TestCase):
             one.action_server.cancel_callback = callback
             one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id="goal")))
             one.accept_new_goal()
+            one.action_server.status_pub.publish.reset_mock()
             one.action_server.internal_cancel_callback(GoalID(id="goal"))
-            shown, = one.action_server.status_pub.publish.call_args[0][0].status_list
-            self.assertEqual(state, shown.status)
+            (message,), _ = one.action_server.status_pub.publish.call_args
+            self.assertEqual([state], [status.status for status in message.status_list])
 
     def test_goal_that_is_older_than_the_one_that_runs_is_recalled(self):
         one = self.serving()
