@@ -29,7 +29,7 @@ import actionlib
 import rosgraph.xmlrpc
 import rospy
 import rosunit
-from actionlib.msg import TestAction, TestActionFeedback, TestActionGoal, TestActionResult
+from actionlib.msg import TestAction, TestActionFeedback, TestActionGoal, TestActionResult, TestFeedback
 from actionlib import CommState
 from actionlib.simple_action_client import SimpleGoalState
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
@@ -604,12 +604,17 @@ class Units(unittest.TestCase):
             ran_in.append(threading.current_thread())
             os.kill(os.getpid(), signal.SIGTERM)
 
+        def robust_connect_subscriber():  # as in rospy/impl/tcpros_pubsub.py
+            eventually(one._closed.is_set, "an end")
+            heard.append(time.sleep(0.2))
+
         def close(_, hung=threading.Event()):  # as rospy.signal_shutdown, which stays a while when the node is down
+            time.sleep(0.1)
             one._closed.set()
             self.addCleanup(hung.set)
             hung.wait(30)
 
-        ran_in, handled, begun = [], [], time.monotonic()
+        ran_in, handled, heard, begun = [], [], [], time.monotonic()
         handler = signal.signal(signal.SIGTERM, lambda *_: handled.append(one._closed.is_set()))
         self.addCleanup(signal.signal, signal.SIGTERM, handler)
         with mock.patch.object(shutdown.Closer, "ident", 1), mock.patch.object(shutdown, "hooks_thread", None), \
@@ -617,7 +622,9 @@ class Units(unittest.TestCase):
                 mock.patch.multiple(shutdown, _endings={}, CLOSED_WITHIN=15), mock.patch.dict(rospy.core._xmlrpc_cache):
             rospy.on_shutdown(hook)
             with closer() as one, mock.patch.object(rospy, "signal_shutdown", close):  # the program has ended
+                shutdown.aside(robust_connect_subscriber)
                 one._finish()
+                self.assertTrue(heard, "a callback at work may take its time")
             with closer() as one, mock.patch.object(rospy, "signal_shutdown") as down:  # another thread has called that
                 rospy.core._in_shutdown, rospy.core._client_shutdown_hooks[:] = True, [hook]
                 one._begin()
@@ -629,7 +636,7 @@ class Units(unittest.TestCase):
                 one._finish()
                 down.assert_not_called()
                 one._closed.clear()
-                one._begun -= shutdown.CLOSED_WITHIN  # that long ago
+                one._deadline, one._begun = begun, one._begun - shutdown.CLOSED_WITHIN  # that long ago
                 one._finish()
         self.assertLess(time.monotonic() - begun, 15, "s")
         self.assertEqual([False, True], handled)
@@ -1295,6 +1302,15 @@ class Units(unittest.TestCase):
             one.action_server.internal_cancel_callback(GoalID(id="goal"))
             (message,), _ = one.action_server.status_pub.publish.call_args
             self.assertEqual([state], [status.status for status in message.status_list])
+
+    def test_feedback_that_waits_while_another_thread_stops_the_server_is_not_sent(self):
+        one = self.serving()
+        one.action_server.internal_goal_callback(TestActionGoal())
+        one.accept_new_goal()
+        one.action_server.lock = mock.MagicMock(**{
+            "__enter__.side_effect": lambda *_: setattr(one.action_server, "started", False)})
+        one.publish_feedback(TestFeedback())
+        one.action_server.feedback_pub.publish.assert_not_called()
 
     def test_goal_that_is_older_than_the_one_that_runs_is_recalled(self):
         one = self.serving()

@@ -53,7 +53,7 @@ def need(library, owner, *names):
 
 
 need("rospy", rospy.core, "is_initialized", "is_shutdown_requested", "add_shutdown_hook", "_ros_atexit",
-     "_xmlrpc_cache", "_client_shutdown_hooks", "_in_shutdown")
+     "_xmlrpc_cache", "_client_shutdown_hooks", "_in_shutdown", "_shutdown_lock")
 
 
 def name_of(state):

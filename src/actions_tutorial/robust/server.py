@@ -142,9 +142,10 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def publish_feedback(self, feedback: genpy.Message) -> None:
         """Send feedback for the goal; after the server's end, nothing."""
         log.show()  # on a terminal that both share, "goal accepted" stands above the client's first line
-        if self.action_server.started:
-            super().publish_feedback(feedback)
-            self.__fed_back = time.monotonic()
+        with self.action_server.lock:
+            if self.action_server.started:
+                super().publish_feedback(feedback)
+                self.__fed_back = time.monotonic()
 
     def internal_goal_callback(self, goal: actionlib.ServerGoalHandle) -> None:
         """For the library: a goal (ServerGoalHandle) has come."""

@@ -86,6 +86,12 @@ def _end_all_goals():
         rospy.on_shutdown(wait)  # rospy comes to it when the other hooks have run
 
 
+def _callbacks_run():
+    """Returns whether callbacks may be at work: threads that wait for a peer's messages end with the node."""
+    return any(isinstance(one, rospy.Timer) or getattr(getattr(one, "_target", None), "__name__", None) in (
+        "robust_connect_subscriber", "handle") for one in threading.enumerate())
+
+
 class Closer(threading.Thread):
     """Ends the node when a signal comes and when the program ends.
 
@@ -185,13 +191,18 @@ class Closer(threading.Thread):
         """Run the program's hooks here, in the main thread, as rospy does. Without it, the main program drives on when
         one of them has stopped the robot. The rest is not for here: a goal's end may need what this interrupts."""
         global hooks_thread
-        if not rospy.core.is_shutdown_requested() and self._hooks.acquire(blocking=False):
+        lock, is_ours = rospy.core._shutdown_lock, False
+        if lock.acquire(timeout=HEARD_WITHIN):  # else another thread does it
+            if not rospy.core.is_shutdown_requested() and self._hooks.acquire(blocking=False):
+                # Else whoever calls rospy.signal_shutdown closes the node meanwhile.
+                is_ours = rospy.core._in_shutdown = True
+            lock.release()
+        if is_ours:
             hooks = rospy.core._client_shutdown_hooks
             theirs = [hook for hook in hooks if hook not in (self._begin, _end_all_goals)]
             del hooks[:]
             self._begin()
             ours, hooks[:] = hooks[:], theirs
-            rospy.core._in_shutdown = True  # else whoever calls rospy.signal_shutdown closes the node meanwhile
             for hook in hooks:  # also those that they add
                 try:
                     hook()
@@ -239,13 +250,17 @@ class Closer(threading.Thread):
         rospy.core.signal_shutdown = rospy.signal_shutdown
         self._heard = None  # nobody waits in pause() any more
         self._run_hooks()
-        if not self._closed.is_set():  # a thread that starts while Python ends can crash it (3.11)
-            # Aside, for rospy waits for 0.6 s more when it has closed the node.
-            closing = aside(rospy.signal_shutdown, "the program has ended")
-            wait_until(lambda: self._closed.is_set() or not closing.is_alive(), math.inf)
-        self._closed.wait((self._begun or time.monotonic()) + CLOSED_WITHIN - time.monotonic())
-        self._deadline = None
-        log.flush(LOG_WITHIN)
+        try:
+            if not self._closed.is_set():  # a thread that starts while Python ends can crash it (3.11)
+                # Aside, for rospy goes on for 0.6 s when it has closed the node; callbacks may need that.
+                closing = aside(rospy.signal_shutdown, "the program has ended")
+                wait_until(lambda: self._closed.is_set() or not closing.is_alive(), math.inf)
+                wait_until(lambda: not closing.is_alive() or not _callbacks_run(), math.inf)
+        finally:  # KeyboardInterrupt
+            begun = self._deadline and self._begun or time.monotonic()
+            self._closed.wait(begun + CLOSED_WITHIN - time.monotonic())
+            self._deadline = None
+            log.flush(LOG_WITHIN)
 
     def _give_back(self):
         for number, before in self._before.items():
