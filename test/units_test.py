@@ -594,6 +594,11 @@ class Units(unittest.TestCase):
                 mock.patch.object(rospy.core, "_client_shutdown_hooks", [one._begin, hook]), \
                 mock.patch.object(rospy.core, "_shutdown_hooks", []), mock.patch.dict(rospy.core._xmlrpc_cache), \
                 mock.patch.object(shutdown, "_endings", {}), contextlib.redirect_stderr(io.StringIO()) as said:
+            with ThreadPoolExecutor(1) as thread:  # which is just calling rospy.signal_shutdown
+                thread.submit(rospy.core._shutdown_lock.acquire).result()
+                one._run_hooks()
+                thread.submit(rospy.core._shutdown_lock.release).result()
+            self.assertEqual([], ran)
             for _ in range(2):
                 one._run_hooks()
             self.assertNotEqual(threading.get_ident(), shutdown.hooks_thread)
