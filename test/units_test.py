@@ -559,12 +559,15 @@ class Units(unittest.TestCase):
 
     def test_end_of_a_node_wakes_each_rate_and_comes_after_the_hooks_of_the_program(self):
         with closer() as one, mock.patch.object(shutdown, "_endings", {}), mock.patch.object(rate, "wake") as wake, \
-                mock.patch.object(rospy, "on_shutdown"), mock.patch.dict(rospy.core._xmlrpc_cache), \
-                mock.patch.object(rospy.core, "_shutdown_hooks", []) as hooks:
+                mock.patch.object(rospy, "on_shutdown") as on_shutdown, mock.patch.dict(rospy.core._xmlrpc_cache), \
+                mock.patch.object(log, "flush") as flush, mock.patch.object(rospy.core, "_shutdown_hooks", []) as hooks:
             for _ in range(2):
                 shutdown.at_end(self.id)
             rospy.core.add_shutdown_hook(lambda _: self.assertFalse(one._closed.is_set()))
             one._begin()
+            for (hook,), _ in on_shutdown.call_args_list:
+                hook()
+            flush.assert_called_once()  # its last words are for /rosout, too
             for hook in hooks:
                 hook("why")
             self.assertTrue(one._closed.is_set())

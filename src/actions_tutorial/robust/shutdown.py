@@ -14,6 +14,7 @@ The thread Closer hears the signals; each server and client has one while its go
 """
 import atexit
 import contextlib
+import functools
 import math
 import os
 import signal
@@ -231,6 +232,7 @@ class Closer(threading.Thread):
         uri = rosgraph.get_master_uri()
         rospy.core._xmlrpc_cache[uri] = impatient_proxy(uri)
         rospy.on_shutdown(self._hooks_ran.set)  # after the program's own, and before the goals are waited for
+        rospy.on_shutdown(functools.partial(log.flush, SENT_WITHIN))  # while there is /rosout
         _end_all_goals()
         rospy.core.add_shutdown_hook(self._is_down)  # the last one, after the program's own
 
