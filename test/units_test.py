@@ -573,6 +573,13 @@ class Units(unittest.TestCase):
             self.assertTrue(one._closed.is_set())
         self.assertEqual((1, 3), (wake.call_count, len(hooks)))
 
+    def test_request_to_end_for_the_node_that_had_the_port_before_is_refused(self):
+        with closer() as one, mock.patch.object(one, "close") as close, mock.patch.object(rospy, "logwarn"):
+            for name, refused in ("/other", ValueError), (rospy.get_name(), ()):
+                with contextlib.suppress(refused):
+                    one._hear_request("shutdown request: [%s] Reason: new node registered with same name" % name)
+                self.assertEqual(not refused, close.called)
+
     def test_node_whose_hooks_hang_is_killed_also_where_no_thread_can_be_had(self):
         """As Python 3.12 starts none when it ends."""
         with closer() as one, mock.patch.object(os, "_exit", side_effect=SystemExit), \

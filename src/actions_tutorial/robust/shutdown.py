@@ -221,9 +221,11 @@ class Closer(threading.Thread):
 
     def _hear_request(self, text):
         """In place of print in rospy/impl/masterslave.py, shutdown, whose line would stand in the node's stdout."""
+        name, is_for_twin = rospy.get_name(), "same name" in text
+        if is_for_twin and "[%s]" % name not in text:  # a node that was killed, and had our port
+            raise ValueError("this is " + name)
         self.close()
-        twin = "another node took the name %s, so this one ends" % rospy.get_name()
-        rospy.logwarn("%s", twin if "same name" in text else text)
+        rospy.logwarn("%s", "another node took the name %s, so this one ends" % name if is_for_twin else text)
 
     def _begin(self):
         """On shutdown, whoever asked for it."""
