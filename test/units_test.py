@@ -551,7 +551,7 @@ class Units(unittest.TestCase):
             log._others.call(lambda: eventually(lambda: said, "the first") and said.append("second") or
                              log._terminal.call(lambda: threading.Event().wait(0.2) or said.append("third")))
             rospy.core.signal_shutdown = one._signal_shutdown  # as begin() does
-            one._begun, one._heard = time.monotonic(), signal.SIGTERM
+            one._heard = signal.SIGTERM
             one._finish()
             self.assertIsNone(one._heard, "a signal for a main thread that waits no more")
             self.assertIs(rospy.signal_shutdown, rospy.core.signal_shutdown, "who would end the node once more")
@@ -611,6 +611,7 @@ class Units(unittest.TestCase):
             self.assertEqual([], ran)
             for _ in range(2):
                 one._run_hooks()
+            self.assertTrue(one._hooks.locked(), "else each signal would have them begin")
             self.assertNotEqual(threading.get_ident(), shutdown.hooks_thread)
         self.assertEqual(([True, True], 2), (ran, said.getvalue().count("SystemExit")))
 
@@ -651,7 +652,7 @@ class Units(unittest.TestCase):
                 one._finish()
                 down.assert_not_called()
                 one._closed.clear()
-                one._deadline, one._begun = begun, one._begun - shutdown.CLOSED_WITHIN  # that long ago
+                one._deadline = time.monotonic() - shutdown.CLOSED_WITHIN  # it was told to end that long ago
                 one._finish()
         self.assertLess(time.monotonic() - begun, 15, "s")
         self.assertEqual([False, True], handled)
@@ -1297,9 +1298,10 @@ class Units(unittest.TestCase):
             self.assertEqual([("next", GoalStatus.ABORTED)], shown())
 
     def test_goal_comes_and_ends_and_a_heart_beats_with_the_lock(self):
-        one, patch = self.serving(), mock.patch.object
+        one = self.serving()
         held = mock.Mock(side_effect=lambda: self.assertFalse(is_free(one.action_server.lock)))
-        with patch(one.action_server, "_look_at_the_clock", held), patch(one, "is_active", held):
+        with mock.patch.object(one.action_server, "_look_at_the_clock", held), \
+                mock.patch.object(one, "is_active", held):
             one.action_server.internal_goal_callback(TestActionGoal())
             one.accept_new_goal()
             one.set_succeeded()

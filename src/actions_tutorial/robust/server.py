@@ -205,11 +205,11 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         with self.action_server.lock:
             if not self.action_server.started or goal is not self.current_goal:  # a newer one was accepted meanwhile
                 return
-            was_active, tracker = self.is_active(), goal.status_tracker
+            was_active = self.is_active()
             with self.action_server.status_later(threading.current_thread() is self.execute_thread):
                 set_state(result, _sendable(text))
         if was_active:
-            status = tracker.status
+            status = goal.status_tracker.status
             self.__log(lambda: "%s: goal %s: %s" % (self.__name, name_of(status.status), log.printable(status.text)))
 
     def __log(self, line):

@@ -106,7 +106,7 @@ class Closer(threading.Thread):
         self._mouth.setblocking(False)
         self._before = {}  # signal handlers by number
         self._fd_before = -1  # the wake-up descriptor
-        self._begun = self._deadline = None  # time.monotonic()
+        self._deadline = None  # time.monotonic()
         self._fork = threading.local()
         self._hooks = threading.Lock()  # whoever has it runs them, once
         self._hooks_ran = threading.Event()
@@ -192,26 +192,28 @@ class Closer(threading.Thread):
         """Run the program's hooks here, in the main thread, as rospy does. Without it, the main program drives on when
         one of them has stopped the robot. The rest is not for here: a goal's end may need what this interrupts."""
         global hooks_thread
-        lock, is_ours = rospy.core._shutdown_lock, False
-        if lock.acquire(timeout=HEARD_WITHIN):  # else another thread does it
-            if not rospy.core.is_shutdown_requested() and self._hooks.acquire(blocking=False):
-                # Else whoever calls rospy.signal_shutdown closes the node meanwhile.
-                is_ours = rospy.core._in_shutdown = True
+        lock = rospy.core._shutdown_lock
+        if not lock.acquire(timeout=HEARD_WITHIN):
+            return  # another thread runs them
+        try:
+            if rospy.core.is_shutdown_requested() or not self._hooks.acquire(blocking=False):
+                return
+            rospy.core._in_shutdown = True  # else whoever calls rospy.signal_shutdown closes the node meanwhile
+        finally:
             lock.release()
-        if is_ours:
-            hooks = rospy.core._client_shutdown_hooks
-            theirs = [hook for hook in hooks if hook not in (self._begin, _end_all_goals)]
-            del hooks[:]
-            self._begin()
-            ours, hooks[:] = hooks[:], theirs
-            for hook in hooks:  # also those that they add
-                try:
-                    hook()
-                except BaseException:  # as rospy does
-                    traceback.print_exc()
-            hooks[:], rospy.core._in_shutdown = ours, False
-            hooks_thread = -1  # what the main program sends from now on is no hook's
-            self._hooks_ran.set()
+        hooks = rospy.core._client_shutdown_hooks
+        theirs = [hook for hook in hooks if hook not in (self._begin, _end_all_goals)]
+        del hooks[:]
+        self._begin()
+        ours, hooks[:] = hooks[:], theirs
+        for hook in hooks:  # also those that they add
+            try:
+                hook()
+            except BaseException:  # as rospy does
+                traceback.print_exc()
+        hooks[:], rospy.core._in_shutdown = ours, False
+        hooks_thread = -1  # what the main program sends from now on is no hook's
+        self._hooks_ran.set()
 
     def _is_down(self, _):
         """From now on rospy.is_shutdown(). A main thread in signal.pause() looked before: the signal comes again."""
@@ -229,7 +231,6 @@ class Closer(threading.Thread):
 
     def _begin(self):
         """On shutdown, whoever asked for it."""
-        self._begun = time.monotonic()
         # Without it, a call that the master never answers holds up all that follow (rospy/core.py, _LockedServerProxy).
         uri = rosgraph.get_master_uri()
         rospy.core._xmlrpc_cache[uri] = impatient_proxy(uri)
@@ -258,10 +259,9 @@ class Closer(threading.Thread):
             if not self._closed.is_set():  # a thread that starts while Python ends can crash it (3.11)
                 # Aside, for rospy goes on for 0.6 s when it has closed the node; callbacks may need that.
                 closing = aside(rospy.signal_shutdown, "the program has ended")
-                wait_until(lambda: self._closed.is_set() or not closing.is_alive(), math.inf)
-                wait_until(lambda: not closing.is_alive() or not _callbacks_run(), math.inf)
+                wait_until(lambda: not closing.is_alive() or self._closed.is_set() and not _callbacks_run(), math.inf)
         finally:  # KeyboardInterrupt
-            begun = self._deadline and self._begun or time.monotonic()
+            begun = self._deadline - KILLED_AFTER if self._deadline else time.monotonic()
             self._closed.wait(begun + CLOSED_WITHIN - time.monotonic())
             self._deadline = None
             log.flush(LOG_WITHIN)
