@@ -119,7 +119,7 @@ def end(test, scene, kind, _, state, text, log):
 class Endings(NodeCase):
 
     def test_goal_that_comes_during_the_shutdown_is_recalled_and_work_on_an_ended_one_has_no_effect(self, scene):
-        for kind in "goes_on", "goal_cb_and_nap":
+        for kind in "goal_cb_and_nap", "goes_on":
             server = scene.server(GUEST, kind)
             runs = busy(scene)
             server.signal(signal.SIGINT)

@@ -40,6 +40,8 @@ class Process:
     """A command (list of str) in a process group of its own, with env (dict of str) added to the environment; popen: of
     subprocess.Popen. lines: [(s since the start, "stdout" or "stderr", text)], as they come; usage: psutil.Process."""
 
+    kept = []  # sockets
+
     def __init__(self, command, env=None, **popen):
         self.command, self.lines, self._news, self.started = command, [], threading.Condition(), time.monotonic()
         options = dict({"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}, **popen)
@@ -79,15 +81,26 @@ class Process:
         self._popen.stdin.flush()
 
     def signal(self, number):
-        """Send a signal to the process alone, as kill(1) does. It stands still when this has sent SIGSTOP."""
+        """Send a signal to the process alone, as kill(1) does. It stands still when this has sent SIGSTOP, and has ended
+        as by stop() after SIGKILL."""
+        if number == signal.SIGKILL:
+            return self.stop()
         self._popen.send_signal(number)
         if number == signal.SIGSTOP:
             eventually(lambda: self.usage.status() == psutil.STATUS_STOPPED, "a process that stands still", self)
 
     def stop(self):
-        """Kill whatever is left of the group."""
+        """Kill whatever is left of the group. Its ports go to nobody else while the tests run: when a node comes that has
+        the name of one that was killed, the master tells that one's address to end."""
+        ports = []
+        with contextlib.suppress(psutil.Error):  # it has ended
+            ports = [one.laddr.port for one in getattr(self.usage, "net_connections", self.usage.connections)("tcp4")
+                     if one.status == psutil.CONN_LISTEN]  # psutil 6 gave it another name
         self._kill()
         self.wait()
+        for port in ports:
+            with contextlib.suppress(OSError):  # a child that is out of the group has it, too
+                self.kept.append(bound_socket(port))
 
     def _kill(self):
         # Once it has ended and nothing is left of its group, the system may give its number to a stranger, who lives.
@@ -127,11 +140,11 @@ def run(*command, timeout=120, status=0, **env):
     return process.stdout
 
 
-def bound_socket():
+def bound_socket(port=0):
     """Returns a socket that is bound but does not listen: nobody else is given the port, and one may listen there."""
     bound = socket.socket()
     bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    bound.bind(("127.0.0.1", 0))
+    bound.bind(("127.0.0.1", port))
     return bound
 
 

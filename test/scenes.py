@@ -67,14 +67,7 @@ class ServerCase(unittest.TestCase):
         self.scene = Scene("")
         self.addCleanup(self.scene.stop)
         self.server = self.scene.server(self.script)
-        self.addCleanup(self.leave)
         self.clock.lead(self.scene)
-
-    def leave(self):
-        """Have the server take its leave of the master. That would tell one that was killed to end, when the next takes
-        its name, and now and then its port is another node's by then."""
-        self.server.signal(signal.SIGINT)
-        self.server.wait()
 
     def wash(self, minutes, count):
         """Send a goal, and turn the clock on second by second until it has named count bowls. Returns its id."""
