@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 """The client as its user sees it, for each parameter, ending and interruption: no goal is lost, and nobody hangs; and
 the service to compare the action with."""
+import os
 import signal
 import statistics
 import tempfile
@@ -11,7 +12,7 @@ import rostest
 from actionlib_msgs.msg import GoalID
 from actions_tutorial.srv import AddTwoNumbers
 
-from processes import bowls, check_client, printed_bowls
+from processes import bowls, check_client, eventually, printed_bowls
 from raw_client import PREEMPTED, SUCCEEDED
 from scenes import SLACK, NodeCase, Scene, check_partial, check_quiet, concurrently
 
@@ -39,6 +40,7 @@ class TestClient(NodeCase):
             scene.server(stdout=terminal)
             client = scene.client(2, stdout=terminal)
             self.assertEqual(0, client.wait(), client)
+            eventually(lambda: b"SUCCEEDED" in os.pread(terminal.fileno(), 9999, 0), "the server's last line", scene)
             scene.stop()
             terminal.seek(0)
             said = terminal.read()

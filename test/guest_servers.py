@@ -95,7 +95,7 @@ def block(*_):
 def go_on(server):
     """Until long after its goal has been ended for it."""
     wait_for_stop(server)
-    time.sleep(1.3)
+    time.sleep(1.6)
     server.wash("bowl-1")
     server.set_succeeded(RESULT)
     server.action_server.publish_status()

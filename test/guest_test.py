@@ -150,6 +150,8 @@ so(rospy.is_shutdown, 30)
     def test_hooks_run_in_the_main_thread_which_drives_on_after_them_only_and_goals_end_meanwhile(self, master):
         """As with rospy; and what a hook sends is not cancelled with the goals from before."""
         self.says(master, """
+robust.shutdown.HEARD_WITHIN = 20
+
 def end():
     so(lambda: client.get_state() == GoalStatus.ABORTED)
     print(threading.current_thread().name, client.get_state(), rospy.is_shutdown())
@@ -184,6 +186,7 @@ rospy.signal_shutdown("")
     def test_goal_whose_end_needs_the_main_thread_has_its_result_and_main_wakes_from_pause_when_the_node_is_down(
             self, master):
         self.says(master, """
+robust.shutdown.GOALS_END_WITHIN = 10
 server, client = pair(None)
 server.register_goal_callback(lambda: None)
 client.send_goal(TestGoal())
@@ -255,6 +258,8 @@ asyncio.run(main())
                 prompt.sendintr()
                 prompt.sendline("time.sleep(3); 'down: %s' % rospy.is_shutdown()")
                 prompt.expect("down: True")
+                prompt.kill(signal.SIGKILL)  # close() has 0.1 s for that
+                prompt.wait()
 
     def test_children_that_end_leave_node_goals_and_topics_and_are_heard(self, master):
         """Each line: exit status, node, goal, and whether the master knows all topics. One child is forked by the
@@ -375,7 +380,7 @@ for client in clients:
 server.paused = False
 print([client.wait_for_result(rospy.Duration(10)) and client.get_state() for client in clients])
 rospy.signal_shutdown("done")
-""", head=HEAD)
+""", head=HEAD, PYTHONUNBUFFERED="")  # with it a print is two writes, and a line of log may come between them
         self.assertEqual(0, node.wait(), node)
         self.assertIn("\n[8, 3]\n", node.stdout)
         self.assertIn("/guest/work waits for goals\n", node.stdout)
@@ -386,12 +391,13 @@ rospy.signal_shutdown("done")
                     "print('ready')\nthreading.Thread(target=threading.Event().wait).start()\nrospy.spin()",
                     "rospy.on_shutdown(threading.Event().wait)\nprint('ready')\nrospy.spin()")
         for number in signal.SIGTERM, signal.SIGINT, signal.SIGHUP, None:
+            first = len(master.processes)
             nodes = [ready(master, code) for code in stubborn]
             if number:
                 for node in nodes:
                     node.signal(number)
-            else:
-                master.start("rosnode", "kill", "-a")
+            else:  # not -a: the master still knows those that were killed, whose ports may be others' by now
+                master.start("rosnode", "kill", *("/guest_%d/guest" % (first + i) for i in range(len(nodes))))
                 for node in nodes:
                     node.expect("shutdown request")
             self.ends(*nodes)

@@ -81,8 +81,8 @@ class Process:
         self._popen.stdin.flush()
 
     def signal(self, number):
-        """Send a signal to the process alone, as kill(1) does. It stands still when this has sent SIGSTOP, and has ended
-        as by stop() after SIGKILL."""
+        """Send a signal to the process alone, as kill(1) does. It stands still when this has sent SIGSTOP; SIGKILL is
+        stop()."""
         if number == signal.SIGKILL:
             return self.stop()
         self._popen.send_signal(number)
@@ -90,8 +90,8 @@ class Process:
             eventually(lambda: self.usage.status() == psutil.STATUS_STOPPED, "a process that stands still", self)
 
     def stop(self):
-        """Kill whatever is left of the group. Its ports go to nobody else while the tests run: when a node comes that has
-        the name of one that was killed, the master tells that one's address to end."""
+        """Kill whatever is left of the group. Its ports go to nobody else while the tests run: when a node comes that
+        has the name of one that was killed, the master tells that one's address to end."""
         ports = []
         with contextlib.suppress(psutil.Error):  # it has ended
             ports = [one.laddr.port for one in getattr(self.usage, "net_connections", self.usage.connections)("tcp4")

@@ -545,7 +545,7 @@ class Units(unittest.TestCase):
 
     def test_flush_waits_for_the_lines_so_far_and_the_end_of_a_node_flushes(self):
         said = self.logged()
-        with closer() as one, mock.patch.object(shutdown, "CLOSED_WITHIN", 0), \
+        with closer() as one, mock.patch.multiple(shutdown, CLOSED_WITHIN=0, LOG_WITHIN=30), \
                 mock.patch.object(rospy, "signal_shutdown"):
             log._soon.append(lambda: "first")
             log._others.call(lambda: eventually(lambda: said, "the first") and said.append("second") or
@@ -986,11 +986,11 @@ class Units(unittest.TestCase):
 
         inside, most = [], []
         _, connect = self.peers_server(alone)
-        for _ in range(20):
-            connect(encode_ros_handshake_header({"topic": "topic"}))
-        eventually(lambda: len(most) == 20 and not inside, "20 connections")
         one_at_a_time = peers._OneAtATime(alone)
         with mock.patch.object(peers, "ANSWERS_WITHIN", 60), ThreadPoolExecutor(20) as threads:
+            for _ in range(20):
+                connect(encode_ros_handshake_header({"topic": "topic"}))
+            eventually(lambda: len(most) == 20 and not inside, "20 connections")
             threads.map(one_at_a_time, ["topic"] * 20, ["uri"] * 20)
         self.assertEqual(0, len(one_at_a_time._locks))
         one_at_a_time = peers._OneAtATime(lambda *_: None)
