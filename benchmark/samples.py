@@ -125,12 +125,21 @@ class Benchmark:
         for turn in range(self.plan["clients"]):
             for kind in ("ours", "plain") if turn % 2 else ("plain", "ours"):
                 self.stage = "whole client, %d of %d" % (turn + 1, self.plan["clients"])
-                begun, (script, *arguments) = time.monotonic(), CLIENTS[kind]
-                client = self.master.start(os.path.join(PACKAGE, script), *arguments,
-                                           "__ns:=" + self.peers["ours"][-1].namespace)
-                client.wait()
-                self.add("client", kind, time.monotonic() - begun)
-                assert client.stdout == "The result is: dishes_washed: []\n", client
+                try:
+                    self.measure_client(kind)
+                except AssertionError:
+                    if kind == "ours":
+                        raise
+                    self.measure_client(kind)  # actionlib's can lose an ending that comes while it sends, and hangs
+
+    def measure_client(self, kind):
+        begun, (script, *arguments) = time.monotonic(), CLIENTS[kind]
+        client = self.master.start(os.path.join(PACKAGE, script), *arguments,
+                                   "__ns:=" + self.peers["ours"][-1].namespace)
+        client.wait()
+        took = time.monotonic() - begun
+        assert client.stdout == "The result is: dishes_washed: []\n", client
+        self.add("client", kind, took)
 
     def quiet(self):
         gc.freeze()  # to look through all messages, which are kept, for garbage takes up to 0.2 s, in a sample's midst

@@ -67,12 +67,12 @@ class RawServer:
     def send(self, minutes=1, **callbacks):
         """Have the client send a goal, with callbacks that keep what they hear unless given, and wait until it is here.
         Returns its id (str)."""
-        already = len(self.ids)
         self.client.send_goal(WashTheDishesGoal(minutes), **dict(dict(
             done_cb=self.hear_done, active_cb=lambda: self.active.append(True), feedback_cb=self.hear_feedback),
             **callbacks))
-        self.eventually(lambda: len(self.ids) > already, "a goal that comes")
-        return self.ids[-1]
+        goal_id = self.client.gh.comm_state_machine.action_goal.goal_id.id
+        self.eventually(lambda: goal_id in self.ids, "a goal that comes")
+        return goal_id
 
     def while_sending(self, act):
         """Have a thread call act() while the client sends its next goal, which takes as long, or a second if act has to
