@@ -3,7 +3,6 @@
 the service to compare the action with."""
 import os
 import signal
-import statistics
 import tempfile
 import time
 
@@ -12,7 +11,7 @@ import rostest
 from actionlib_msgs.msg import GoalID
 from actions_tutorial.srv import AddTwoNumbers
 
-from processes import bowls, check_client, eventually, printed_bowls
+from processes import bowls, check_client, check_seconds, eventually, printed_bowls
 from raw_client import PREEMPTED, SUCCEEDED
 from scenes import SLACK, NodeCase, Scene, check_partial, check_quiet, concurrently
 
@@ -30,10 +29,7 @@ class TestClient(NodeCase):
         self.assertEqual("", client.stderr)
         # Were stdout a buffer, all lines would come at the end. They are a second apart; half of it tells the two from
         # each other on a slow machine, too.
-        times = [at for at, _, text in client.lines if text.startswith("Feedback")]
-        gap = statistics.median(after - before for before, after in zip(times, times[1:]))
-        self.assertGreater(gap, 0.5, "median of the seconds between lines, of %s" % client)
-        self.assertTrue(5 < times[-1] - times[0] < 6 + SLACK, "6 s from first to last bowl, of %s" % client)
+        check_seconds(client, within=0.5)
 
     def test_server_and_client_on_one_terminal_tell_the_story_in_its_order(self, scene):
         with tempfile.TemporaryFile("w+") as terminal:

@@ -6,6 +6,7 @@ import re
 import shutil
 import signal
 import socket
+import statistics
 import subprocess
 import tempfile
 import threading
@@ -40,7 +41,7 @@ class Process:
     """A command (list of str) in a process group of its own, with env (dict of str) added to the environment; popen: of
     subprocess.Popen. lines: [(s since the start, "stdout" or "stderr", text)], as they come; usage: psutil.Process."""
 
-    kept = []  # sockets
+    _kept = []  # sockets, of all processes together
 
     def __init__(self, command, env=None, **popen):
         self.command, self.lines, self._news, self.started = command, [], threading.Condition(), time.monotonic()
@@ -100,7 +101,7 @@ class Process:
         self.wait()
         for port in ports:
             with contextlib.suppress(OSError):  # a child that is out of the group has it, too
-                self.kept.append(bound_socket(port))
+                self._kept.append(bound_socket(port))
 
     def _kill(self):
         # Once it has ended and nothing is left of its group, the system may give its number to a stranger, who lives.
@@ -164,6 +165,14 @@ def check_client(client, status, count, timeout=60):
     """Wait for the end of a client (Process): exit status (int), and count bowls as feedback and as its result."""
     assert client.wait(timeout) == status, "expected exit status %d of %s" % (status, client)
     assert printed_bowls(client) == (bowls(count), bowls(count)), "expected %d bowls of %s" % (count, client)
+
+
+def check_seconds(client, within):
+    """Expect the seven bowls of a client (Process) a second apart, the median to within (s); a busy machine may be late
+    with the last one."""
+    times = [at for at, _, text in client.lines if "Feedback received" in text]
+    gap = statistics.median(after - before for before, after in zip(times, times[1:]))
+    assert abs(gap - 1) < within and 5 < times[-1] - times[0] < 10, "expected a bowl a second of %s" % client
 
 
 class Group:
