@@ -854,18 +854,19 @@ class Units(unittest.TestCase):
         asked._SimpleActionClient__silent = asked.action_client.last_status_msg  # since the server is lost
         self.assertFalse(robust.SimpleActionClient._SimpleActionClient__is_connected(asked))
 
-    def test_shutdown_cancels_the_client_s_goal_but_none_that_a_hook_has_sent(self):
-        for in_hook in False, True:
-            goal = mock.Mock(in_hook=in_hook, simple_state=SimpleGoalState.DONE)
+    def test_shutdown_cancels_the_client_s_goal_but_none_that_a_hook_has_sent_or_that_was_not_sent(self):
+        for in_hook, is_late in (False, False), (True, False), (False, True):
+            goal = mock.Mock(in_hook=in_hook, is_late=is_late, simple_state=SimpleGoalState.DONE)
             robust.SimpleActionClient._SimpleActionClient__end_goal(
                 mock.Mock(_SimpleActionClient__goal=lambda goal=goal: goal), 0)
-            self.assertEqual(not in_hook, goal.cancel.called)
+            self.assertEqual(not in_hook and not is_late, goal.cancel.called)
 
     def test_goal_that_is_sent_while_the_node_ends_is_a_hook_s_and_no_other_thread_forgets_it_meanwhile(self):
         def send(*_):
             with self.assertRaises(TimeoutError):
                 thread.submit(one.stop_tracking_goal).result(0.05)
             one.gh = actionlib.ClientGoalHandle(self.goal_and_result(None)[0])
+            one.action_client.manager.send_goal_fn(hooks_thread)
 
         one = robust.SimpleActionClient.__new__(robust.SimpleActionClient)
         one.__dict__.update(_SimpleActionClient__set_up=mock.Mock(), _SimpleActionClient__is_watched=True)
@@ -875,11 +876,11 @@ class Units(unittest.TestCase):
                     mock.patch.object(rospy.core, "_in_shutdown", requested), \
                     mock.patch.object(actionlib.SimpleActionClient, "send_goal", send), \
                     mock.patch.object(shutdown, "unfinished") as unfinished, ThreadPoolExecutor(1) as thread:
-                if hooks_thread == -1:  # they have run
-                    self.assertRaises(rospy.ROSInitException, one.send_goal, None)
-                else:
-                    one.send_goal(None)
-                    self.assertEqual(requested, unfinished.add.mock_calls[0][1][0].in_hook)
+                one.send_goal(None)
+                goal, is_late = unfinished.add.mock_calls[0][1][0], hooks_thread == -1  # they have run
+                self.assertEqual((requested and not is_late, is_late), (goal.in_hook, goal.is_late))
+        self.assertEqual([mock.call(None), mock.call(threading.get_ident()), mock.call(None)],
+                         one.action_client.manager.send_goal_fn.mock_calls, "sent")
         with mock.patch.object(rospy, "is_shutdown", return_value=True):
             self.assertRaises(rospy.ROSInitException, one.send_goal, None)
         self.assertEqual(5, one._SimpleActionClient__set_up.call_count, "a subclass may have an __init__ of its own")
@@ -913,7 +914,7 @@ class Units(unittest.TestCase):
         sent.goal_id.id = result.status.goal_id.id = "id"
         result.status.status = GoalStatus.SUCCEEDED
         goal = client._Goal(sent, told, None, None, send_cancel)
-        goal.begin("/result", False)
+        goal.begin("/result", False, False)
         return goal, result
 
     def test_goal_that_is_lost_while_its_result_comes_or_while_a_callback_takes_its_time_has_one_ending(self):
@@ -929,8 +930,11 @@ class Units(unittest.TestCase):
             second()
             self.assertEqual(ending, (goal.latest_goal_status.status, goal.why))
             goal.feedback_cb = mock.Mock()
-            goal.update_feedback(TestActionFeedback(status=result.status))
-            self.assertEqual(not is_lost, goal.feedback_cb.called, "feedback of a LOST goal, or none of another")
+            for stamp, calls in (1, 0), (0, not is_lost):  # sent after the result, and before
+                feedback = TestActionFeedback(status=result.status)
+                feedback.header.stamp = rospy.Time(stamp)
+                goal.update_feedback(feedback)
+                self.assertEqual(calls, goal.feedback_cb.call_count, "feedback of %d s, LOST: %s" % (stamp, is_lost))
 
     def peers_server(self, connection_handler=None):
         """Returns rospy's server for peers, a new one, mended; and a function that connects to it and sends bytes."""

@@ -38,6 +38,7 @@ REPEATED_FOR = 4.0  # s, if it says nothing at all: 5 s after a goal's end it kn
 CONNECTED_AFTER = 3  # s that a server may take to connect, once the master has told it of us
 LOOKS = 0.5  # s between two looks at the goal
 LIVING = 6  # times heartbeat_timeout: the patience with a server whose node answers
+TOO_LATE = "the node was shut down before it sent its goal"
 
 _running: list = []  # for each callback of the program that has not come back: the topic of its goal's result
 
@@ -79,7 +80,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         self.__is_set_up = True
         need("actionlib", self, "simple_state", "gh", "done_condition", "_handle_transition", "_handle_feedback")
         need("actionlib", self.action_client, "manager.list_mutex", "manager._generate_id", "pub_cancel", "result_sub",
-             "feedback_sub", "last_status_msg")
+             "manager.send_goal_fn", "feedback_sub", "last_status_msg")
         need("rospy", self.action_client, "pub_goal.impl.has_connection", "pub_goal.impl.buff",
              "status_sub.impl.connections")
         need("actionlib", CommStateMachine, "update_status", "update_result", "update_feedback", "_mark_as_lost")
@@ -147,21 +148,28 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                   feedback_cb: Optional[Callable] = None) -> None:
         """Send a goal, and forget the one before. Arguments as for actionlib's; goal may be changed afterwards.
 
+        While the node is being shut down, only those of hooks (rospy.on_shutdown) go out; others stay PENDING.
         Raises rospy.ROSSerializationException for a goal that cannot be sent (AttributeError for one of another type),
-        rospy.ROSInitException on shutdown.
+        rospy.ROSInitException after the shutdown.
         """
         self.__set_up()
         with self.action_client.manager.list_mutex:  # whoever brings an answer waits for this
             # By a hook from before the client, in a node of rospy's. A signal may come while this is asked.
             requested = rospy.core.is_shutdown_requested()
             in_hook = threading.get_ident() == shutdown.hooks_thread if shutdown.hooks_thread else requested
-            if rospy.is_shutdown() or shutdown.hooks_thread and not in_hook:
-                raise cannot_start("the node was shut down before it sent its goal")
+            if rospy.is_shutdown():
+                raise cannot_start(TOO_LATE)
+            # Its goal was ended, and a loop until rospy.is_shutdown() comes here before that: it is to end as ever.
+            is_late = bool(shutdown.hooks_thread and not in_hook)
+            manager = self.action_client.manager
+            publish = manager.send_goal_fn
             try:
+                if is_late:
+                    manager.send_goal_fn = lambda _: None
                 super().send_goal(goal, done_cb, active_cb, feedback_cb)
                 machine = self.gh.comm_state_machine
                 machine.__class__ = _Goal
-                machine.begin(self.action_client.result_sub.resolved_name, in_hook)
+                machine.begin(self.action_client.result_sub.resolved_name, in_hook, is_late)
                 self.gh.cancel = machine.cancel
             except Exception as error:  # SerializationError of its fields, AttributeError of a message of another kind
                 clear(self.action_client.pub_goal)
@@ -170,6 +178,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                 if isinstance(error, genpy.SerializationError):
                     raise rospy.ROSSerializationException(str(error)) from error
                 raise
+            finally:
+                manager.send_goal_fn = publish
             self.__why_not_sent = ""
             shutdown.unfinished.add(machine)
             if not self.__is_watched:
@@ -199,6 +209,9 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         goal, seconds, begun = self.__goal(), _duration(timeout).to_sec(), 0.0
         if not goal:
             return super().wait_for_result(_duration(timeout))  # which logs an error
+        if goal.is_late:  # not for ever, for a hook may wait for whoever calls this
+            wait_until(rospy.is_shutdown, shutdown.GOALS_END_WITHIN)
+            return False
         with self.done_condition:
             while goal and not goal.is_over and not rospy.is_shutdown():
                 now = rospy.get_time()
@@ -324,7 +337,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     def __end_goal(self, deadline: float) -> None:
         """Without it, the server works on for nobody."""
         goal = self.__goal()  # also one that is just being sent
-        if goal and not goal.in_hook:  # what a hook sends, such as to park an arm, is to be done
+        if goal and not (goal.in_hook or goal.is_late):  # what a hook sends, such as to park an arm, is to be done
             goal.cancel()
             if not wait_until(lambda: goal.simple_state == SimpleGoalState.DONE, deadline - time.monotonic()):
                 goal.why = "a cancel was sent, no ending came within 1 s"
@@ -334,11 +347,12 @@ class _Goal(CommStateMachine):
     """What the library knows of a goal that was sent, and what we know of it: what was made a CommStateMachine, for the
     library knows no other class, becomes one of these before any answer gets to it."""
 
-    def begin(self, topic: str, in_hook: bool) -> None:
+    def begin(self, topic: str, in_hook: bool, is_late: bool) -> None:
         self.topic, self.in_hook = topic, in_hook  # the topic of its result; whether a hook of on_shutdown has sent it
+        self.is_late = is_late  # it was not sent
         self.simple_state = SimpleGoalState.PENDING
         self.is_over = False  # DONE, and done_cb has run
-        self.why = ""  # the server has given it no ending
+        self.why = TOO_LATE if is_late else ""  # the server has given it no ending
         self.mentioned, self.passed_over = True, False  # in a status since the last look
         self.silence = self.ignored = 0.0  # s; of the latter the server spoke, but not of this goal
         self.begun_at = self.sent_at = time.monotonic()
@@ -401,9 +415,11 @@ class _Goal(CommStateMachine):
                     super().update_result(action_result)
 
     def update_feedback(self, action_feedback: Any) -> None:
-        """Without it, the last feedback is dropped if its callback is slow. A goal that is LOST has none."""
-        if self.action_goal.goal_id.id == action_feedback.status.goal_id.id and not (
-                self.state == CommState.DONE and self.latest_goal_status.status == GoalStatus.LOST):
+        """Without it, the last feedback is dropped if its callback is slow. What was sent after the result, or is for a
+        LOST goal, still is."""
+        result = self.latest_result
+        if self.action_goal.goal_id.id == action_feedback.status.goal_id.id and (
+                self.state != CommState.DONE or result and action_feedback.header.stamp <= result.header.stamp):
             self.mentioned = True  # a server that works in its goal callback sends no status meanwhile
             self.feedback_cb(actionlib.ClientGoalHandle(self), action_feedback.feedback)
 
