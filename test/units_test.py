@@ -854,19 +854,27 @@ class Units(unittest.TestCase):
         asked._SimpleActionClient__silent = asked.action_client.last_status_msg  # since the server is lost
         self.assertFalse(robust.SimpleActionClient._SimpleActionClient__is_connected(asked))
 
-    def test_shutdown_cancels_the_client_s_goal_but_none_that_a_hook_has_sent_or_that_was_not_sent(self):
-        for in_hook, is_late in (False, False), (True, False), (False, True):
-            goal = mock.Mock(in_hook=in_hook, is_late=is_late, simple_state=SimpleGoalState.DONE)
+    def test_who_hears_of_a_goal_that_the_shutdown_ended_waits_for_that_but_hooks_and_goals_of_servers_do_not(self):
+        for hooks_thread, unended, waits in (
+                (None, [], False), (threading.get_ident(), [], False), (-1, ["goal"], False), (-1, [], True)):
+            with mock.patch.object(shutdown, "hooks_thread", hooks_thread), \
+                    mock.patch.object(shutdown, "servers", {mock.Mock(**{"unended.return_value": unended})}), \
+                    mock.patch.object(shutdown, "wait_until") as wait_until:
+                shutdown.let_loops_see_it()
+            self.assertEqual([mock.call(rospy.is_shutdown, 1)] * waits, wait_until.mock_calls, (hooks_thread, unended))
+
+    def test_shutdown_cancels_the_client_s_goal_but_none_that_a_hook_has_sent(self):
+        for in_hook in False, True:
+            goal = mock.Mock(in_hook=in_hook, simple_state=SimpleGoalState.DONE)
             robust.SimpleActionClient._SimpleActionClient__end_goal(
                 mock.Mock(_SimpleActionClient__goal=lambda goal=goal: goal), 0)
-            self.assertEqual(not in_hook and not is_late, goal.cancel.called)
+            self.assertEqual(not in_hook, goal.cancel.called)
 
     def test_goal_that_is_sent_while_the_node_ends_is_a_hook_s_and_no_other_thread_forgets_it_meanwhile(self):
         def send(*_):
             with self.assertRaises(TimeoutError):
                 thread.submit(one.stop_tracking_goal).result(0.05)
             one.gh = actionlib.ClientGoalHandle(self.goal_and_result(None)[0])
-            one.action_client.manager.send_goal_fn(hooks_thread)
 
         one = robust.SimpleActionClient.__new__(robust.SimpleActionClient)
         one.__dict__.update(_SimpleActionClient__set_up=mock.Mock(), _SimpleActionClient__is_watched=True)
@@ -876,11 +884,11 @@ class Units(unittest.TestCase):
                     mock.patch.object(rospy.core, "_in_shutdown", requested), \
                     mock.patch.object(actionlib.SimpleActionClient, "send_goal", send), \
                     mock.patch.object(shutdown, "unfinished") as unfinished, ThreadPoolExecutor(1) as thread:
-                one.send_goal(None)
-                goal, is_late = unfinished.add.mock_calls[0][1][0], hooks_thread == -1  # they have run
-                self.assertEqual((requested and not is_late, is_late), (goal.in_hook, goal.is_late))
-        self.assertEqual([mock.call(None), mock.call(threading.get_ident()), mock.call(None)],
-                         one.action_client.manager.send_goal_fn.mock_calls, "sent")
+                if hooks_thread == -1:  # they have run
+                    self.assertRaises(rospy.ROSInitException, one.send_goal, None)
+                else:
+                    one.send_goal(None)
+                    self.assertEqual(requested, unfinished.add.mock_calls[0][1][0].in_hook)
         with mock.patch.object(rospy, "is_shutdown", return_value=True):
             self.assertRaises(rospy.ROSInitException, one.send_goal, None)
         self.assertEqual(5, one._SimpleActionClient__set_up.call_count, "a subclass may have an __init__ of its own")
@@ -914,7 +922,7 @@ class Units(unittest.TestCase):
         sent.goal_id.id = result.status.goal_id.id = "id"
         result.status.status = GoalStatus.SUCCEEDED
         goal = client._Goal(sent, told, None, None, send_cancel)
-        goal.begin("/result", False, False)
+        goal.begin("/result", False)
         return goal, result
 
     def test_goal_that_is_lost_while_its_result_comes_or_while_a_callback_takes_its_time_has_one_ending(self):

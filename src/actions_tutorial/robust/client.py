@@ -38,7 +38,6 @@ REPEATED_FOR = 4.0  # s, if it says nothing at all: 5 s after a goal's end it kn
 CONNECTED_AFTER = 3  # s that a server may take to connect, once the master has told it of us
 LOOKS = 0.5  # s between two looks at the goal
 LIVING = 6  # times heartbeat_timeout: the patience with a server whose node answers
-TOO_LATE = "the node was shut down before it sent its goal"
 
 _running: list = []  # for each callback of the program that has not come back: the topic of its goal's result
 
@@ -80,7 +79,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         self.__is_set_up = True
         need("actionlib", self, "simple_state", "gh", "done_condition", "_handle_transition", "_handle_feedback")
         need("actionlib", self.action_client, "manager.list_mutex", "manager._generate_id", "pub_cancel", "result_sub",
-             "manager.send_goal_fn", "feedback_sub", "last_status_msg")
+             "feedback_sub", "last_status_msg")
         need("rospy", self.action_client, "pub_goal.impl.has_connection", "pub_goal.impl.buff",
              "status_sub.impl.connections")
         need("actionlib", CommStateMachine, "update_status", "update_result", "update_feedback", "_mark_as_lost")
@@ -148,28 +147,21 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                   feedback_cb: Optional[Callable] = None) -> None:
         """Send a goal, and forget the one before. Arguments as for actionlib's; goal may be changed afterwards.
 
-        While the node is being shut down, only those of hooks (rospy.on_shutdown) go out; others stay PENDING.
         Raises rospy.ROSSerializationException for a goal that cannot be sent (AttributeError for one of another type),
-        rospy.ROSInitException after the shutdown.
+        rospy.ROSInitException on shutdown.
         """
         self.__set_up()
         with self.action_client.manager.list_mutex:  # whoever brings an answer waits for this
             # By a hook from before the client, in a node of rospy's. A signal may come while this is asked.
             requested = rospy.core.is_shutdown_requested()
             in_hook = threading.get_ident() == shutdown.hooks_thread if shutdown.hooks_thread else requested
-            if rospy.is_shutdown():
-                raise cannot_start(TOO_LATE)
-            # Its goal was ended, and a loop until rospy.is_shutdown() comes here before that: it is to end as ever.
-            is_late = bool(shutdown.hooks_thread and not in_hook)
-            manager = self.action_client.manager
-            publish = manager.send_goal_fn
+            if rospy.is_shutdown() or shutdown.hooks_thread and not in_hook:
+                raise cannot_start("the node was shut down before it sent its goal")
             try:
-                if is_late:
-                    manager.send_goal_fn = lambda _: None
                 super().send_goal(goal, done_cb, active_cb, feedback_cb)
                 machine = self.gh.comm_state_machine
                 machine.__class__ = _Goal
-                machine.begin(self.action_client.result_sub.resolved_name, in_hook, is_late)
+                machine.begin(self.action_client.result_sub.resolved_name, in_hook)
                 self.gh.cancel = machine.cancel
             except Exception as error:  # SerializationError of its fields, AttributeError of a message of another kind
                 clear(self.action_client.pub_goal)
@@ -178,8 +170,6 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                 if isinstance(error, genpy.SerializationError):
                     raise rospy.ROSSerializationException(str(error)) from error
                 raise
-            finally:
-                manager.send_goal_fn = publish
             self.__why_not_sent = ""
             shutdown.unfinished.add(machine)
             if not self.__is_watched:
@@ -203,15 +193,13 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """Wait for the goal's ending.
 
         timeout: rospy.Duration or s, on the ROS clock, from when that has begun (0 and below: for ever).
-        Returns True when the result is there and done_cb has run, even if that failed or sent the next goal. False
-        after timeout, on shutdown, without a goal, and when the server is lost; get_failure() says which.
+        Returns True when the result is there and done_cb has run, even if that failed or sent the next goal; during a
+        shutdown not before rospy.is_shutdown(), for 1 s at most. False after timeout, on shutdown, without a goal, and
+        when the server is lost; get_failure() says which.
         """
         goal, seconds, begun = self.__goal(), _duration(timeout).to_sec(), 0.0
         if not goal:
             return super().wait_for_result(_duration(timeout))  # which logs an error
-        if goal.is_late:  # not for ever, for a hook may wait for whoever calls this
-            wait_until(rospy.is_shutdown, shutdown.GOALS_END_WITHIN)
-            return False
         with self.done_condition:
             while goal and not goal.is_over and not rospy.is_shutdown():
                 now = rospy.get_time()
@@ -221,7 +209,10 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                 self.done_condition.wait(min(0.1, begun + seconds - now) if seconds > 0 else 0.1)
                 if goal.simple_state != SimpleGoalState.DONE:
                     goal = self.__goal()  # another thread may have sent the next one, or forgotten it
-        return bool(goal and goal.is_over and goal.latest_goal_status.status != GoalStatus.LOST)
+        is_there = bool(goal and goal.is_over and goal.latest_goal_status.status != GoalStatus.LOST)
+        if is_there:
+            shutdown.let_loops_see_it()
+        return is_there
 
     def get_state(self) -> int:
         """Returns the goal's state (GoalStatus): PENDING or ACTIVE until its ending and result came; LOST if none."""
@@ -337,7 +328,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     def __end_goal(self, deadline: float) -> None:
         """Without it, the server works on for nobody."""
         goal = self.__goal()  # also one that is just being sent
-        if goal and not (goal.in_hook or goal.is_late):  # what a hook sends, such as to park an arm, is to be done
+        if goal and not goal.in_hook:  # what a hook sends, such as to park an arm, is to be done
             goal.cancel()
             if not wait_until(lambda: goal.simple_state == SimpleGoalState.DONE, deadline - time.monotonic()):
                 goal.why = "a cancel was sent, no ending came within 1 s"
@@ -347,12 +338,11 @@ class _Goal(CommStateMachine):
     """What the library knows of a goal that was sent, and what we know of it: what was made a CommStateMachine, for the
     library knows no other class, becomes one of these before any answer gets to it."""
 
-    def begin(self, topic: str, in_hook: bool, is_late: bool) -> None:
+    def begin(self, topic: str, in_hook: bool) -> None:
         self.topic, self.in_hook = topic, in_hook  # the topic of its result; whether a hook of on_shutdown has sent it
-        self.is_late = is_late  # it was not sent
         self.simple_state = SimpleGoalState.PENDING
         self.is_over = False  # DONE, and done_cb has run
-        self.why = TOO_LATE if is_late else ""  # the server has given it no ending
+        self.why = ""  # the server has given it no ending
         self.mentioned, self.passed_over = True, False  # in a status since the last look
         self.silence = self.ignored = 0.0  # s; of the latter the server spoke, but not of this goal
         self.begun_at = self.sent_at = time.monotonic()

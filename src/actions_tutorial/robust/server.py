@@ -276,6 +276,7 @@ class _ActionServer(actionlib.ActionServer):
         self._unshown = []  # StatusTrackers of goals that have ended
         self._latest = rospy.Time()  # by which a clock that was set back is known
         super().__init__(*args, **options)
+        shutdown.servers.add(self)
 
     def start(self):
         """Once: a second server would publish each status twice."""

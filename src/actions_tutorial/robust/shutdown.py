@@ -42,6 +42,7 @@ HELD_FOR = 0.2  # s that the main thread stands still after the hooks, if goals 
 _END = 255  # beside the numbers of signals, what Closer can be told
 
 unfinished: weakref.WeakSet = weakref.WeakSet()  # while there is any, a node that is killed has exit status 1, not 0
+servers: weakref.WeakSet = weakref.WeakSet()  # what has a method unended()
 hooks_thread = None  # the number of the thread that runs the hooks, when the node ends
 _endings: dict = {}  # weakref.WeakMethod by the id of its object, which may be unhashable
 
@@ -55,6 +56,13 @@ def at_end(end_goals):
     for key in [key for key, one in list(_endings.items()) if not one()]:
         _endings.pop(key, None)  # in place: other threads do so, too
     _endings[id(end_goals.__self__)] = weakref.WeakMethod(end_goals)
+
+
+def let_loops_see_it():
+    """While the node ends, wait for rospy.is_shutdown(). Without it, a loop until then hears that its goal was ended,
+    and sends the next one. Hooks go on, and whoever works on a goal of a server here, whose end is waited for."""
+    if hooks_thread not in (None, threading.get_ident()) and not any(server.unended() for server in list(servers)):
+        wait_until(rospy.is_shutdown, GOALS_END_WITHIN)  # not for ever, for a hook may wait for whoever calls this
 
 
 def aside(function, *args):
