@@ -46,6 +46,8 @@ def pair(execute, library=robust):
     server = library.SimpleActionServer("work", TestAction, execute, True)
     client = robust.SimpleActionClient("work", TestAction)
     client.wait_for_server()
+    if library is actionlib:
+        server.action_server.status_timer.shutdown()  # which may beat into closed topics, with a traceback
     return server, client
 """
 INIT = HEAD + "robust.init_node('guest', log_level=rospy.WARN)\n"
