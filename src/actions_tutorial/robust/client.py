@@ -193,9 +193,10 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """Wait for the goal's ending.
 
         timeout: rospy.Duration or s, on the ROS clock, from when that has begun (0 and below: for ever).
-        Returns True when the result is there and done_cb has run, even if that failed or sent the next goal; during a
-        shutdown not before rospy.is_shutdown(), for 1 s at most. False after timeout, on shutdown, without a goal, and
-        when the server is lost; get_failure() says which.
+        Returns True when the result is there and done_cb has run, even if that failed or sent the next goal; while the
+        node ends, it waits up to 1 s more for rospy.is_shutdown(), but not in hooks, nor while a server of this node
+        has a goal. False after timeout, on shutdown, without a goal, and when the server is lost; get_failure() says
+        which.
         """
         goal, seconds, begun = self.__goal(), _duration(timeout).to_sec(), 0.0
         if not goal:

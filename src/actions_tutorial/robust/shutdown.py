@@ -42,7 +42,7 @@ HELD_FOR = 0.2  # s that the main thread stands still after the hooks, if goals 
 _END = 255  # beside the numbers of signals, what Closer can be told
 
 unfinished: weakref.WeakSet = weakref.WeakSet()  # while there is any, a node that is killed has exit status 1, not 0
-servers: weakref.WeakSet = weakref.WeakSet()  # what has a method unended()
+servers: weakref.WeakSet = weakref.WeakSet()  # those of this node (server.py, _ActionServer)
 hooks_thread = None  # the number of the thread that runs the hooks, when the node ends
 _endings: dict = {}  # weakref.WeakMethod by the id of its object, which may be unhashable
 
