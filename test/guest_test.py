@@ -177,7 +177,7 @@ while not rospy.is_shutdown():
 print("main")
 sys.exit(3)
 """, "MainThread 4 False", "False 1",
-                  "ROSInitException('the node was shut down before it sent its goal')", "main", status=3)
+                  "Interrupted('the node was shut down before it sent its goal')", "main", status=3)
 
         self.says(master, """
 rospy.on_shutdown(lambda: print(robust.shutdown.hooks_thread == threading.get_ident()))  # known at the first hook

@@ -313,10 +313,6 @@ class Units(unittest.TestCase):
         asked.action_server.close.assert_called_once()
         asked._SimpleActionServer__ask_to_stop.assert_not_called()  # a callback could hold up whoever calls it
 
-    def test_exception_of_a_start_in_another_thread_ends_it_with_a_traceback(self):
-        with ThreadPoolExecutor(1) as thread:
-            self.assertNotIsInstance(thread.submit(internals.cannot_start, "").result(), SystemExit)
-
     def test_master_that_nobody_reaches_is_an_error_that_rospy_expects_and_another_protocol_is_no_answer(self):
         with self.assertRaises(xmlrpc.client.ProtocolError):
             internals.impatient_proxy("http://localhost:1").getPid("/node")
@@ -885,12 +881,12 @@ class Units(unittest.TestCase):
                     mock.patch.object(actionlib.SimpleActionClient, "send_goal", send), \
                     mock.patch.object(shutdown, "unfinished") as unfinished, ThreadPoolExecutor(1) as thread:
                 if hooks_thread == -1:  # they have run
-                    self.assertRaises(rospy.ROSInitException, one.send_goal, None)
+                    self.assertRaises(rospy.ROSInterruptException, one.send_goal, None)
                 else:
                     one.send_goal(None)
                     self.assertEqual(requested, unfinished.add.mock_calls[0][1][0].in_hook)
         with mock.patch.object(rospy, "is_shutdown", return_value=True):
-            self.assertRaises(rospy.ROSInitException, one.send_goal, None)
+            self.assertRaises(rospy.ROSInterruptException, one.send_goal, None)
         self.assertEqual(5, one._SimpleActionClient__set_up.call_count, "a subclass may have an __init__ of its own")
 
     def test_short_wait_for_a_server_far_away_finds_it_and_a_look_does(self):

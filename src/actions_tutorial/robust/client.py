@@ -28,7 +28,7 @@ from actionlib.simple_action_client import SimpleGoalState
 from actionlib_msgs.msg import GoalID, GoalStatus
 
 from . import log, node, peers, shutdown
-from .internals import NO_ANSWER, ask, ask_node, cannot_start, clear, name_of, need, wait_until, why
+from .internals import NO_ANSWER, Interrupted, ask, ask_node, cannot_start, clear, name_of, need, wait_until, why
 from .parameters import get_params
 
 Seconds = Union[genpy.Duration, float]
@@ -148,7 +148,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """Send a goal, and forget the one before. Arguments as for actionlib's; goal may be changed afterwards.
 
         Raises rospy.ROSSerializationException for a goal that cannot be sent (AttributeError for one of another type),
-        rospy.ROSInitException on shutdown.
+        rospy.ROSInterruptException (and ROSInitException) on shutdown.
         """
         self.__set_up()
         with self.action_client.manager.list_mutex:  # whoever brings an answer waits for this
@@ -156,7 +156,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             requested = rospy.core.is_shutdown_requested()
             in_hook = threading.get_ident() == shutdown.hooks_thread if shutdown.hooks_thread else requested
             if rospy.is_shutdown() or shutdown.hooks_thread and not in_hook:
-                raise cannot_start("the node was shut down before it sent its goal")
+                raise cannot_start("the node was shut down before it sent its goal", Interrupted)
             try:
                 super().send_goal(goal, done_cb, active_cb, feedback_cb)
                 machine = self.gh.comm_state_machine

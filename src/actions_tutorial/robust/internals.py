@@ -26,10 +26,13 @@ class CannotStart(rospy.ROSInitException, SystemExit):
         self.code = text
 
 
-def cannot_start(text):
-    """Returns a rospy.ROSInitException with text (str) that ends the main thread in one line, but no prompt."""
-    in_main = threading.current_thread() is threading.main_thread()  # other threads end without a word on SystemExit
-    return (CannotStart if in_main and not hasattr(sys, "ps1") else rospy.ROSInitException)(text)
+class Interrupted(CannotStart, rospy.ROSInterruptException):
+    """For a call that comes while the node ends: a program that waits in rospy's calls catches this one around them."""
+
+
+def cannot_start(text, kind=CannotStart):
+    """Returns a rospy.ROSInitException with text (str), by which a program ends in one line, but no prompt does."""
+    return (rospy.ROSInitException if hasattr(sys, "ps1") else kind)(text)
 
 
 def why(error):
