@@ -82,6 +82,17 @@ def written(name, function):
 
 class Units(unittest.TestCase):
 
+    def setUp(self):
+        """The clock is the real one until a test sets another, and no hook waits for the end of a node."""
+        self.addCleanup(rospy.rostime.switch_to_wallclock)
+        rospy.rostime.set_rostime_initialized(True)
+        for state in (mock.patch.multiple(rospy.core, _shutdown_flag=False, _in_shutdown=False, _shutdown_threads=[],
+                                          _client_shutdown_hooks=[], _preshutdown_hooks=[], _shutdown_hooks=[]),
+                      mock.patch.dict(rospy.core._xmlrpc_cache),
+                      mock.patch.multiple(shutdown, _endings={}, hooks_thread=None)):
+            state.start()
+            self.addCleanup(state.stop)
+
     def test_parameter_of_the_command_line_has_the_type_of_its_default_which_counts_where_none_is_given(self):
         for text, default, limits, value in (
                 ("3", 7, {}, 3), ("3", 0.5, {}, 3.0), ("true", False, {}, True), ("a", "b", {}, "a"),
@@ -158,7 +169,6 @@ class Units(unittest.TestCase):
                     self.assertTrue(inspect.getdoc(our), called)
         self.assertIn("<version>%s</version>" % robust.__version__, (root / "package.xml").read_text())
 
-    @mock.patch.object(rospy.rostime, "_rostime_initialized", True)
     def test_what_the_libraries_do_not_document_is_looked_for_at_the_start_and_what_is_looked_for_is_used(self):
         needed, private, ours, used = set(), {"_connection_header", "_exit"}, set(), set()  # these are documented
         for file in pathlib.Path(robust.__file__).parent.glob("*.py"):
@@ -278,9 +288,7 @@ class Units(unittest.TestCase):
             return method(*args)
 
         ended, server, other, forgotten = [], Server(), Server(), Server()
-        with mock.patch.object(shutdown, "_endings", {}), \
-                mock.patch.object(rospy, "on_shutdown") as hooks, \
-                mock.patch.object(threading.Thread, "start", side_effect=RuntimeError):
+        with mock.patch.object(threading.Thread, "start", side_effect=RuntimeError):
             for _ in range(3):
                 shutdown.at_end(Server().end)
             with mock.patch.object(weakref, "WeakMethod", in_between):
@@ -289,7 +297,7 @@ class Units(unittest.TestCase):
             shutdown.at_end(forgotten.end)
             del forgotten  # since
             shutdown._end_all_goals()
-            hooks.call_args[0][0]()  # which waits for them
+            rospy.core._client_shutdown_hooks[-1]()  # which waits for them
             caller, called = log._Caller(0), threading.Event()
             caller.call(print)  # nor does the log fail
         caller.call(called.set)
@@ -541,8 +549,7 @@ class Units(unittest.TestCase):
 
     def test_flush_waits_for_the_lines_so_far_and_the_end_of_a_node_flushes(self):
         said = self.logged()
-        with closer() as one, mock.patch.multiple(shutdown, CLOSED_WITHIN=0, LOG_WITHIN=30), \
-                mock.patch.object(rospy, "signal_shutdown"):
+        with closer() as one, mock.patch.multiple(shutdown, CLOSED_WITHIN=0, LOG_WITHIN=30):
             log._soon.append(lambda: "first")
             log._others.call(lambda: eventually(lambda: said, "the first") and said.append("second") or
                              log._terminal.call(lambda: threading.Event().wait(0.2) or said.append("third")))
@@ -554,20 +561,15 @@ class Units(unittest.TestCase):
         self.assertEqual(["first", "second", "third"], said)
 
     def test_end_of_a_node_wakes_each_rate_and_comes_after_the_hooks_of_the_program(self):
-        with closer() as one, mock.patch.object(shutdown, "_endings", {}), mock.patch.object(rate, "wake") as wake, \
-                mock.patch.object(rospy, "on_shutdown") as on_shutdown, mock.patch.dict(rospy.core._xmlrpc_cache), \
-                mock.patch.object(log, "flush") as flush, mock.patch.object(rospy.core, "_shutdown_hooks", []) as hooks:
+        seen = []
+        with closer() as one, mock.patch.object(rate, "wake") as wake, mock.patch.object(log, "flush") as flush:
             for _ in range(2):
-                shutdown.at_end(self.id)
-            rospy.core.add_shutdown_hook(lambda _: self.assertFalse(one._closed.is_set()))
-            one._begin()
-            for (hook,), _ in on_shutdown.call_args_list:
-                hook()
-            flush.assert_called_once()  # its last words are for /rosout, too
-            for hook in hooks:
-                hook("why")
-            self.assertTrue(one._closed.is_set())
-        self.assertEqual((1, 3), (wake.call_count, len(hooks)))
+                shutdown.at_end(self.assertTrue)
+            rospy.core.add_shutdown_hook(lambda _: seen.append((flush.call_count, one._closed.is_set())))
+            rospy.on_shutdown(one._begin)
+            rospy.signal_shutdown("why")
+        self.assertEqual([(1, False)], seen, "its last words are for /rosout, too")
+        self.assertEqual((1, True), (wake.call_count, one._closed.is_set()))
 
     def test_request_to_end_for_the_node_that_had_the_port_before_is_refused(self):
         with closer() as one, mock.patch.object(one, "close") as close, mock.patch.object(rospy, "logwarn"):
@@ -580,12 +582,12 @@ class Units(unittest.TestCase):
         """As Python 3.12 starts none when it ends."""
         with closer() as one, mock.patch.object(os, "_exit", side_effect=SystemExit), \
                 mock.patch.object(threading.Thread, "start", side_effect=RuntimeError), \
-                mock.patch.object(shutdown, "KILLED_AFTER", 0.2), mock.patch.object(rospy, "signal_shutdown") as down:
+                mock.patch.object(shutdown, "KILLED_AFTER", 0.2):
             one._hooks.acquire()
             one.close()
             with self.assertRaises(SystemExit):
                 one.run()
-        down.assert_not_called()
+        self.assertFalse(rospy.core.is_shutdown_requested())
 
     def test_hooks_of_the_program_run_once_whatever_they_raise_and_what_comes_later_is_not_theirs(self):
         def hook():
@@ -596,10 +598,8 @@ class Units(unittest.TestCase):
             sys.exit()
 
         ran = []
-        with closer() as one, mock.patch.object(shutdown, "hooks_thread", None), \
-                mock.patch.object(rospy.core, "_client_shutdown_hooks", [one._begin, hook]), \
-                mock.patch.object(rospy.core, "_shutdown_hooks", []), mock.patch.dict(rospy.core._xmlrpc_cache), \
-                mock.patch.object(shutdown, "_endings", {}), contextlib.redirect_stderr(io.StringIO()) as said:
+        with closer() as one, contextlib.redirect_stderr(io.StringIO()) as said:
+            rospy.core._client_shutdown_hooks[:] = one._begin, hook
             with ThreadPoolExecutor(1) as thread:  # which is just calling rospy.signal_shutdown
                 thread.submit(rospy.core._shutdown_lock.acquire).result()
                 one._run_hooks()
@@ -620,25 +620,20 @@ class Units(unittest.TestCase):
             eventually(one._closed.is_set, "an end")
             heard.append(time.sleep(0.2))
 
-        def close(_, hung=threading.Event()):  # as rospy.signal_shutdown, which stays a while when the node is down
-            time.sleep(0.1)
-            one._closed.set()
-            self.addCleanup(hung.set)
-            hung.wait(30)
-
         ran_in, handled, heard, begun = [], [], [], time.monotonic()
         handler = signal.signal(signal.SIGTERM, lambda *_: handled.append(one._closed.is_set()))
         self.addCleanup(signal.signal, signal.SIGTERM, handler)
-        with mock.patch.object(shutdown.Closer, "ident", 1), mock.patch.object(shutdown, "hooks_thread", None), \
-                mock.patch.multiple(rospy.core, _in_shutdown=False, _shutdown_hooks=[], _client_shutdown_hooks=[]), \
-                mock.patch.multiple(shutdown, _endings={}, CLOSED_WITHIN=15), mock.patch.dict(rospy.core._xmlrpc_cache):
+        rospy.core._shutdown_threads.append(threading.main_thread())  # for which rospy waits when the node is down
+        with mock.patch.object(shutdown.Closer, "ident", 1), mock.patch.object(shutdown, "CLOSED_WITHIN", 15), \
+                mock.patch.object(rospy.core, "_TIMEOUT_SHUTDOWN_JOIN", 30):
             rospy.on_shutdown(hook)
-            with closer() as one, mock.patch.object(rospy, "signal_shutdown", close):  # the program has ended
+            with closer() as one:  # the program has ended
                 shutdown.aside(robust_connect_subscriber)
                 one._finish()
                 self.assertTrue(heard, "a callback at work may take its time")
-            with closer() as one, mock.patch.object(rospy, "signal_shutdown") as down:  # another thread has called that
-                rospy.core._in_shutdown, rospy.core._client_shutdown_hooks[:] = True, [hook]
+            with closer() as one, mock.patch.object(shutdown, "aside", wraps=shutdown.aside) as aside:
+                # Another thread has called rospy.signal_shutdown.
+                rospy.core._shutdown_flag, rospy.core._client_shutdown_hooks[:] = False, [hook]
                 one._begin()
                 for its_hook in rospy.core._client_shutdown_hooks[1:]:
                     its_hook()
@@ -646,7 +641,7 @@ class Units(unittest.TestCase):
                 threading.Timer(shutdown.HELD_FOR + 0.1, one._closed.set).start()
                 signal.raise_signal(signal.SIGTERM)
                 one._finish()
-                down.assert_not_called()
+                aside.assert_not_called()
                 one._closed.clear()
                 one._deadline = time.monotonic() - shutdown.CLOSED_WITHIN  # it was told to end that long ago
                 one._finish()
@@ -802,8 +797,7 @@ class Units(unittest.TestCase):
             machine.update_feedback(TestActionFeedback(status=result.status))
             machine.update_result(result)
             self.assertEqual([1, 1, 1], [each.call_count for each in heard], base)
-            with mock.patch.object(rospy.rostime, "_rostime_initialized", True):
-                self.assertTrue(one.wait_for_result(rospy.Duration(1)))
+            self.assertTrue(one.wait_for_result(rospy.Duration(1)))
 
     def test_state_that_is_none_has_its_number_for_a_name(self):
         self.assertEqual(["LOST", "42"], list(map(internals.name_of, (GoalStatus.LOST, 42))))
@@ -909,6 +903,7 @@ class Units(unittest.TestCase):
         self.assertFalse(lives(asked), "it never spoke")
 
     def test_wait_for_a_server_before_init_node_does_not_begin(self):
+        rospy.rostime.set_rostime_initialized(False)
         with self.assertRaisesRegex(rospy.ROSInitException, "init_node"):
             robust.SimpleActionClient.wait_for_server(mock.MagicMock(), 0.1)
 
@@ -1043,9 +1038,7 @@ class Units(unittest.TestCase):
             with self.assertRaisesRegex(rospy.ROSInitException, "^tcpros_port is %r: " % port):
                 peers.check_port("tcpros_port", port)
 
-    @mock.patch.object(rospy.rostime, "_rostime_initialized", True)
     def test_period_begins_with_a_clock_that_begins_in_a_sleep_or_after_one_set_back_with_its_end_else_as_rospys(self):
-        self.addCleanup(rospy.rostime.switch_to_wallclock)
         for begin, *seconds, end, next_begins in (
                 (0, 0, 100, 100.5, 101, 101), (100, 10, 10.5, 11, 11), (100, 100.25, 203.5, 101)):
             rospy.rostime._set_rostime(rospy.Time(begin))
@@ -1067,7 +1060,6 @@ class Units(unittest.TestCase):
                 one.sleep()
             self.assertEqual(*(one.last_time for one in both))
 
-    @mock.patch.object(rospy.rostime, "_rostime_initialized", True)
     def test_rate_asks_whether_to_stop_without_the_clock_s_lock_and_hears_whoever_wakes_it_meanwhile(self):
         def stop_requested():
             waker = shutdown.aside(rate.wake)  # which takes that lock
@@ -1079,7 +1071,6 @@ class Units(unittest.TestCase):
         self.assertFalse(rate.Rate(0.1, stop_requested).sleep())
         self.assertEqual([False, False], asked)
 
-    @mock.patch.object(rospy.rostime, "_rostime_initialized", True)
     def test_rate_sleeps_until_its_end_in_real_time_or_news_of_a_simulated_clock_and_does_not_poll(self):
         for left in 100, None:
             clock, a_rate = mock.MagicMock(), rate.Rate(1, mock.Mock(side_effect=[False, True]))
@@ -1103,8 +1094,6 @@ class Units(unittest.TestCase):
 
     def serving(self):
         """Returns a server whose topics go nowhere."""
-        self.addCleanup(rospy.rostime.set_rostime_initialized, False)
-        rospy.rostime.set_rostime_initialized(True)
         one = robust.SimpleActionServer("work", TestAction, auto_start=False)
         one.action_server.started = True
         for topic in "status_pub", "feedback_pub", "result_pub":
