@@ -6,7 +6,6 @@ import contextlib
 import functools
 import inspect
 import io
-import itertools
 import logging
 import os
 import pathlib
@@ -38,7 +37,7 @@ from rosgraph.roslogging import RosStreamHandler
 from rospy.impl import registration, tcpros_base
 
 from actions_tutorial import robust
-from actions_tutorial.robust import client, internals, log, node, parameters, peers, rate, server, shutdown, stdout
+from actions_tutorial.robust import client, internals, log, node, peers, rate, server, shutdown, stdout
 from processes import eventually
 
 STANDS_FOR = {name: getattr(rospy if hasattr(rospy, name) else actionlib, name)
@@ -362,11 +361,11 @@ class Units(unittest.TestCase):
             finally:
                 other.shutdown()
 
-    def logged(self):
-        """Returns a list to which each line of rospy's log is added."""
+    def logged(self, note=logging.LogRecord.getMessage):
+        """Returns a list to which note(line) is added for each line (logging.LogRecord) of rospy's log."""
         said, handler = [], logging.Handler()
-        terminal = mock.Mock(_stdout=io.StringIO(), _stderr=io.StringIO())
-        handler.emit = functools.partial(log._write_to_terminal, terminal, lambda line: said.append(line.getMessage()))
+        terminal = RosStreamHandler(stdout=io.StringIO(), stderr=io.StringIO())
+        handler.emit = functools.partial(log._write_to_terminal, terminal, lambda line: said.append(note(line)))
         logger, level = logging.getLogger("rosout"), logging.getLogger("rosout").level
         logger.addHandler(handler)
         logger.setLevel(logging.INFO)
@@ -399,7 +398,7 @@ class Units(unittest.TestCase):
             for number, other in enumerate((
                     mock.patch.dict("os.environ", ROSCONSOLE_FORMAT="mine"), mock.patch.object(terminal, "level", 30),
                     mock.patch.object(log, "_taken", [logging.NullHandler()]),
-                    mock.patch.object(rospy.rostime, "is_wallclock", return_value=False))):
+                    mock.patch.object(rospy.rostime, "_rostime_current", rospy.Time(1)))):
                 with other:
                     log.soon(lambda: "a plate")
                     log.show()
@@ -414,7 +413,7 @@ class Units(unittest.TestCase):
 
     def test_line_waits_for_the_stream_that_it_goes_to_and_where_none_can_be_asked_for_none(self):
         stopped, write = mock.Mock(), mock.Mock()
-        handler = mock.Mock(_stdout=io.StringIO(), _stderr=stopped)
+        handler = RosStreamHandler(stdout=io.StringIO(), stderr=stopped)
         with mock.patch.object(log, "_takes_a_line", lambda stream: stream is not stopped), \
                 mock.patch.object(log, "_terminal", mock.MagicMock(__bool__=lambda caller: False)) as later:
             for level, calls in (logging.INFO, (1, 0)), (logging.WARNING, (1, 1)):
@@ -475,13 +474,14 @@ class Units(unittest.TestCase):
                               complaints.getvalue().splitlines())
 
     def test_log_asks_the_master_once_and_puts_nothing_into_the_cache_of_parameters(self):
-        key, cache = "/rosout_disable_topics_generation", mock.Mock(**{"get.return_value": 3})
-        with mock.patch.object(rospy.impl.paramserver, "get_param_server_cache", return_value=cache), \
+        key, cache = "/rosout_disable_topics_generation", rospy.impl.paramserver.ParamServerCache()
+        cache.set("/plates", 3)
+        with mock.patch.object(rospy.impl.paramserver, "_param_server_cache", cache), \
                 mock.patch.object(rospy, "get_param", return_value=False) as asked:
             log.ask_the_master_once()
         self.assertEqual([False, False, 3], [cache.get(name) for name in (key, key, "/plates")])
         asked.assert_called_once()
-        cache.set.assert_not_called()
+        self.assertEqual({"plates": 3}, cache.d)
 
     def test_log_s_own_stream_has_the_encoding_of_pythons_and_leaves_that_open_and_a_redirected_one_stays(self):
         redirected = io.StringIO()
@@ -501,7 +501,7 @@ class Units(unittest.TestCase):
             os.fstat(number)
 
     def test_line_that_may_not_fit_into_a_pipe_goes_by_the_thread(self):
-        handler, sizes = mock.Mock(), []
+        handler, sizes = RosStreamHandler(), []
         with mock.patch.object(log, "_write_at_once", lambda stream, size, write: sizes.append(size < log.AT_ONCE)):
             for name, value in ("msg", "a bowl"), ("msg", "\u4e8c" * 1000), ("stack_info", "here\n" * 400), \
                     ("exc_info", (OSError, OSError("x" * 1600), None)):
@@ -572,7 +572,8 @@ class Units(unittest.TestCase):
         self.assertEqual((1, True), (wake.call_count, one._closed.is_set()))
 
     def test_request_to_end_for_the_node_that_had_the_port_before_is_refused(self):
-        with closer() as one, mock.patch.object(one, "close") as close, mock.patch.object(rospy, "logwarn"):
+        self.logged()  # and not to this terminal
+        with closer() as one, mock.patch.object(one, "close") as close:
             for name, refused in ("/other", ValueError), (rospy.get_name(), ()):
                 with contextlib.suppress(refused):
                     one._hear_request("shutdown request: [%s] Reason: new node registered with same name" % name)
@@ -693,8 +694,8 @@ class Units(unittest.TestCase):
             with self.assertRaisesRegex(ValueError, "^heartbeat_timeout is .*above 0$", msg=wrong):
                 robust.SimpleActionClient("work", None, heartbeat_timeout=wrong)
 
-    def watch(self, *goals, clock=itertools.repeat(1), **client_s):
-        """Have a client look after goals (mock.Mock), one at each look, at times of clock; it has these attributes."""
+    def watch(self, *goals, **client_s):
+        """Have a client look after goals (mock.Mock), one at each look; it has these attributes. Returns it."""
         def tracked(goals=iter([*goals, None])):
             self.assertFalse(is_free(mutex), "another thread may send the next goal just now")
             return next(goals)
@@ -702,22 +703,21 @@ class Units(unittest.TestCase):
         watched, mutex = mock.MagicMock(
             _SimpleActionClient__goal=tracked, _SimpleActionClient__heartbeat_timeout=5, **client_s), threading.RLock()
         watched.action_client.manager.list_mutex = mutex
-        with mock.patch.object(rospy, "get_time", side_effect=clock):
-            robust.SimpleActionClient._SimpleActionClient__watch(watched)
+        robust.SimpleActionClient._SimpleActionClient__watch(watched)
+        return watched
 
     def test_clock_that_is_set_back_adds_no_patience_and_a_goal_sent_while_the_older_is_lost_is_looked_after(self):
         goal, older, newer = mock.Mock(silence=1.0), mock.Mock(silence=100.0, ignored=100.0), mock.Mock(silence=0.0)
-        self.watch(goal, clock=(1000, 10, 11))
+        rospy.rostime._set_rostime(rospy.Time(1000))
+        goal.look.side_effect = lambda _: rospy.rostime._set_rostime(rospy.Time(10))
+        self.watch(goal, goal)
         self.watch(older, newer, newer)
-        for one in goal, newer:
-            one.look.assert_called_once_with(0)
+        self.assertEqual([mock.call(0)] * 3, goal.look.mock_calls + newer.look.mock_calls)
 
     def test_watcher_of_goals_ends_when_there_is_none_that_runs_and_with_the_node(self):
         for goal, is_down in (None, False), (mock.Mock(simple_state=SimpleGoalState.DONE), False), (mock.Mock(), True):
-            watched = mock.MagicMock(_SimpleActionClient__goal=mock.Mock(side_effect=[goal]))
-            with mock.patch.object(rospy, "get_time", return_value=1), \
-                    mock.patch.object(rospy, "is_shutdown", return_value=is_down):
-                robust.SimpleActionClient._SimpleActionClient__watch(watched)
+            with mock.patch.object(rospy.core, "_shutdown_flag", is_down):
+                watched = self.watch(goal)
             self.assertFalse(watched._SimpleActionClient__is_watched, "who would look after the next goal")
 
     def test_goal_that_nobody_confirms_is_sent_again_each_second_for_4_s_or_while_the_server_speaks_of_others(self):
@@ -803,12 +803,11 @@ class Units(unittest.TestCase):
         self.assertEqual(["LOST", "42"], list(map(internals.name_of, (GoalStatus.LOST, 42))))
 
     def test_parameter_that_is_not_the_nodes_own_is_asked_for_before_its_start_too(self):
-        with mock.patch.object(parameters, "_rospy_get_param", return_value=3) as asked:
-            self.assertEqual((3, 1), (robust.get_param("/plates", 1), robust.get_param("~plates", 1)))
-        asked.assert_called_once_with("/plates", 1)
-        with mock.patch.object(rospy.core, "is_initialized", return_value=True), arguments("_plates:=5"), \
-                mock.patch.object(parameters, "_rospy_get_param", return_value=3):
-            self.assertEqual(3, robust.get_param("~plates", 1), "as it is now")
+        for name, is_started in ("/plates", False), ("~plates", True):  # as it is now
+            with mock.patch.dict("os.environ", ROS_MASTER_URI="http://localhost:1"), arguments("_plates:=5"), \
+                    mock.patch.object(rospy.client, "_param_server", None), \
+                    mock.patch.object(rospy.core, "_client_ready", is_started), self.assertRaises(OSError):
+                robust.get_param(name, 1)
 
     def test_client_whose_topics_are_closed_while_it_starts_says_that_it_was_interrupted(self):
         closed = rospy.ROSException("subscriber has been closed")
@@ -822,7 +821,7 @@ class Units(unittest.TestCase):
     def test_server_is_told_of_its_client_once_more_after_3_s_also_where_no_master_answers(self):
         asked, topic = mock.Mock(_SimpleActionClient__registered=0), mock.Mock(resolved_name="/topic", type="type")
         with mock.patch.dict("os.environ", ROS_MASTER_URI="http://localhost:1"), \
-                mock.patch.object(rospy, "get_node_uri", return_value="uri"), \
+                mock.patch.object(rospy.core, "_uri", "uri"), \
                 mock.patch.object(client, "ask", wraps=client.ask) as ask:
             for _ in range(2):
                 robust.SimpleActionClient._SimpleActionClient__register_again(asked, [topic, topic])
@@ -845,13 +844,13 @@ class Units(unittest.TestCase):
         self.assertFalse(robust.SimpleActionClient._SimpleActionClient__is_connected(asked))
 
     def test_who_hears_of_a_goal_that_the_shutdown_ended_waits_for_that_but_hooks_and_goals_of_servers_do_not(self):
-        for hooks_thread, unended, waits in (
+        for shutdown.hooks_thread, unended, waits in (
                 (None, [], False), (threading.get_ident(), [], False), (-1, ["goal"], False), (-1, [], True)):
-            with mock.patch.object(shutdown, "hooks_thread", hooks_thread), \
-                    mock.patch.object(shutdown, "servers", {mock.Mock(**{"unended.return_value": unended})}), \
+            with mock.patch.object(shutdown, "servers", {mock.Mock(**{"unended.return_value": unended})}), \
                     mock.patch.object(shutdown, "wait_until") as wait_until:
                 shutdown.let_loops_see_it()
-            self.assertEqual([mock.call(rospy.is_shutdown, 1)] * waits, wait_until.mock_calls, (hooks_thread, unended))
+            self.assertEqual([mock.call(rospy.is_shutdown, 1)] * waits, wait_until.mock_calls,
+                             (shutdown.hooks_thread, unended))
 
     def test_shutdown_cancels_the_client_s_goal_but_none_that_a_hook_has_sent(self):
         for in_hook in False, True:
@@ -864,22 +863,17 @@ class Units(unittest.TestCase):
         def send(*_):
             with self.assertRaises(TimeoutError):
                 thread.submit(one.stop_tracking_goal).result(0.05)
-            one.gh = actionlib.ClientGoalHandle(self.goal_and_result(None)[0])
+            return actionlib.ClientGoalHandle(self.goal_and_result(None)[0])
 
         one = robust.SimpleActionClient.__new__(robust.SimpleActionClient)
         one.__dict__.update(_SimpleActionClient__set_up=mock.Mock(), _SimpleActionClient__is_watched=True)
-        one.action_client = mock.MagicMock(**{"manager.list_mutex": threading.RLock()})
-        for hooks_thread, requested in (None, False), (threading.get_ident(), True), (None, True), (-1, True):
-            with mock.patch.object(shutdown, "hooks_thread", hooks_thread), \
-                    mock.patch.object(rospy.core, "_in_shutdown", requested), \
-                    mock.patch.object(actionlib.SimpleActionClient, "send_goal", send), \
-                    mock.patch.object(shutdown, "unfinished") as unfinished, ThreadPoolExecutor(1) as thread:
-                if hooks_thread == -1:  # they have run
-                    self.assertRaises(rospy.ROSInterruptException, one.send_goal, None)
-                else:
-                    one.send_goal(None)
-                    self.assertEqual(requested, unfinished.add.mock_calls[0][1][0].in_hook)
-        with mock.patch.object(rospy, "is_shutdown", return_value=True):
+        one.action_client = mock.MagicMock(send_goal=send, **{"manager.list_mutex": threading.RLock()})
+        for shutdown.hooks_thread, rospy.core._in_shutdown in (
+                (None, False), (threading.get_ident(), True), (None, True)):
+            with mock.patch.object(shutdown, "unfinished") as unfinished, ThreadPoolExecutor(1) as thread:
+                one.send_goal(None)
+            self.assertEqual(rospy.core._in_shutdown, unfinished.add.mock_calls[0][1][0].in_hook)
+        for shutdown.hooks_thread, rospy.core._shutdown_flag in (-1, False), (None, True):  # they have run; it is down
             self.assertRaises(rospy.ROSInterruptException, one.send_goal, None)
         self.assertEqual(5, one._SimpleActionClient__set_up.call_count, "a subclass may have an __init__ of its own")
 
@@ -1072,12 +1066,12 @@ class Units(unittest.TestCase):
         self.assertEqual([False, False], asked)
 
     def test_rate_sleeps_until_its_end_in_real_time_or_news_of_a_simulated_clock_and_does_not_poll(self):
-        for left in 100, None:
-            clock, a_rate = mock.MagicMock(), rate.Rate(1, mock.Mock(side_effect=[False, True]))
-            a_rate.remaining = lambda: rospy.Duration(100)
-            with mock.patch.multiple(rospy.rostime, get_rostime_cond=lambda: clock, is_wallclock=lambda: bool(left)):
-                self.assertFalse(a_rate.sleep())
-            clock.wait.assert_called_once_with(left)
+        for clock in None, rospy.Time(1):
+            with mock.patch.object(rospy.rostime, "_rostime_current", clock), \
+                    mock.patch.object(rospy.rostime.get_rostime_cond(), "wait") as wait:
+                self.assertFalse(rate.Rate(0.01, mock.Mock(side_effect=[False, True])).sleep())
+            left, = (left for (left,), _ in wait.call_args_list)
+            self.assertTrue(left is None if clock else 90 < left <= 100, left)
 
     def test_whoever_wakes_one_rate_wakes_all(self):
         def sleep():
@@ -1085,8 +1079,8 @@ class Units(unittest.TestCase):
                 asleep.append(1)
                 return clock.wait(10)
 
-        clock, asleep = threading.Condition(), []
-        with mock.patch.object(rospy.rostime, "get_rostime_cond", return_value=clock), ThreadPoolExecutor(2) as threads:
+        clock, asleep = rospy.rostime.get_rostime_cond(), []
+        with ThreadPoolExecutor(2) as threads:
             slept = [threads.submit(sleep) for _ in range(2)]
             eventually(lambda: len(asleep) == 2, "two that sleep")
             rate.wake()
@@ -1107,8 +1101,8 @@ class Units(unittest.TestCase):
             type(asked).need_to_terminate = mock.PropertyMock(side_effect=[False, True])
             robust.SimpleActionServer.executeLoop(asked)
             self.assertEqual([] if comes else [mock.call(0.1)], asked.execute_condition.wait.mock_calls)
-        with mock.patch.object(rospy, "is_shutdown", return_value=True):  # before the server was started
-            robust.SimpleActionServer.executeLoop(mock.Mock(need_to_terminate=False))
+        rospy.core._shutdown_flag = True  # before the server was started
+        robust.SimpleActionServer.executeLoop(mock.Mock(need_to_terminate=False))
 
     def test_server_that_its_subclass_or_program_starts_in_a_way_of_its_own_begins_once_and_ends_when_told(self):
         class Own(robust.SimpleActionServer):
