@@ -31,6 +31,7 @@ import rosunit
 from actionlib.msg import TestAction, TestActionFeedback, TestActionGoal, TestActionResult, TestFeedback
 from actionlib import CommState
 from actionlib.simple_action_client import SimpleGoalState
+from actionlib.status_tracker import StatusTracker
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from rosgraph.network import encode_ros_handshake_header
 from rosgraph.roslogging import RosStreamHandler
@@ -85,8 +86,9 @@ class Units(unittest.TestCase):
         """The clock is the real one until a test sets another, and no hook waits for the end of a node."""
         self.addCleanup(rospy.rostime.switch_to_wallclock)
         rospy.rostime.set_rostime_initialized(True)
-        for state in (mock.patch.multiple(rospy.core, _shutdown_flag=False, _in_shutdown=False, _shutdown_threads=[],
-                                          _client_shutdown_hooks=[], _preshutdown_hooks=[], _shutdown_hooks=[]),
+        for state in (mock.patch.multiple(rospy.core, _client_ready=False, _in_shutdown=False, _shutdown_flag=False,
+                                          _client_shutdown_hooks=[], _preshutdown_hooks=[], _shutdown_hooks=[],
+                                          _shutdown_threads=[]),
                       mock.patch.dict(rospy.core._xmlrpc_cache),
                       mock.patch.multiple(shutdown, _endings={}, hooks_thread=None)):
             state.start()
@@ -1002,7 +1004,7 @@ class Units(unittest.TestCase):
         self.assertIn(r"\x1b[2J\nfake", eventually(lambda: said, "a warning")[0])
 
     def test_publishers_of_a_topic_are_those_of_all_lists_that_have_come(self):
-        listener = registration.RegManager(mock.Mock())
+        listener = rospy.impl.masterslave.ROSHandler("/node", None).reg_man
         registration.get_registration_listeners().add_listener(listener)
         self.addCleanup(registration.get_registration_listeners().listeners.remove, listener)
         peers.serve_all_peers()
@@ -1086,12 +1088,20 @@ class Units(unittest.TestCase):
             rate.wake()
             self.assertEqual([True, True], [one.result() for one in slept])
 
+    def advertise(self, action_server):
+        """Gives it its topics, to which nobody listens. The last message is in NAME_pub.impl.latch."""
+        rospy.core.set_initialized(True)
+        for topic, message in (("status", GoalStatusArray), ("feedback", TestActionFeedback),
+                               ("result", TestActionResult)):
+            publisher = rospy.Publisher("work/" + topic, message, latch=True, queue_size=1)
+            setattr(action_server, topic + "_pub", publisher)
+            self.addCleanup(publisher.unregister)
+
     def serving(self):
-        """Returns a server whose topics go nowhere."""
+        """Returns a server that needs no master."""
         one = robust.SimpleActionServer("work", TestAction, auto_start=False)
         one.action_server.started = True
-        for topic in "status_pub", "feedback_pub", "result_pub":
-            setattr(one.action_server, topic, mock.Mock())
+        self.advertise(one.action_server)
         return one
 
     def test_loop_of_a_server_waits_when_it_looked_in_vain_but_not_if_a_goal_came_meanwhile(self):
@@ -1108,12 +1118,9 @@ class Units(unittest.TestCase):
         class Own(robust.SimpleActionServer):
             start = None  # it means something else by that
 
-        def make_topics(one):
-            one.status_pub = one.feedback_pub = one.result_pub = mock.Mock(**{"impl.ref_count": 1})
-
         for auto_start, end in (True, Own.__del__), (False, lambda one: setattr(one, "need_to_terminate", True)):
             with mock.patch.object(server._ActionServer, "initialize", autospec=True,
-                                   side_effect=make_topics) as initialize, \
+                                   side_effect=self.advertise) as initialize, \
                     mock.patch.object(server._ActionServer, "publish_status"), mock.patch.object(shutdown, "at_end"), \
                     mock.patch.object(robust.SimpleActionServer, "_SimpleActionServer__look_for_twins"):
                 one = Own("work", TestAction, print, auto_start)
@@ -1169,14 +1176,14 @@ class Units(unittest.TestCase):
         with ThreadPoolExecutor(1) as thread, mock.patch.object(server, "time", mock.Mock(
                 monotonic=time.monotonic, sleep=lambda _: thread.submit(take_up, "newer").result(10))):
             one.set_succeeded()
-        one.action_server.result_pub.publish.assert_called_once()
-        status = one.action_server.result_pub.publish.call_args[0][0].status
+        status = one.action_server.result_pub.impl.latch.status
         self.assertEqual(("older", GoalStatus.PREEMPTED, True), (status.goal_id.id, status.status, one.is_active()))
 
     def test_goals_without_an_ending_are_those_that_came_and_wait_or_run(self):
         one = server._ActionServer.__new__(server._ActionServer)
-        one.status_list = [mock.Mock(status=GoalStatus(status=state)) for state in range(10)]
-        one.status_list.append(mock.Mock(status=GoalStatus(status=GoalStatus.RECALLING), goal=None))  # a cancel's
+        one.status_list = [StatusTracker(GoalID(), state) for state in (*range(10), GoalStatus.RECALLING)]
+        for tracker in one.status_list[:-1]:  # that is a cancel's
+            tracker.goal = TestActionGoal()
         self.assertEqual([GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING],
                          [tracker.status.status for tracker in one.unended()])
 
@@ -1194,17 +1201,17 @@ class Units(unittest.TestCase):
 
     def test_server_names_another_that_serves_in_this_node_or_in_one_that_lives_also_where_no_master_answers(self):
         asked = mock.Mock(_SimpleActionServer__name="/action")
-        asked.action_server.result_pub.resolved_name = "/action/result"
+        asked.action_server.result_pub.resolved_name, said = "/action/result", self.logged()
         for serves_here, state, named in (
                 (True, OSError, rospy.get_name()), (False, OSError, r"^\[]$"),
                 # The first that is asked is gone.
-                (False, ([["/action/result", ["/one", rospy.get_name(), "/other"]]], [], []), "'/(one|other)'"),
+                (False, ([["/action/result", ["/one", rospy.get_name(), "/other"]]], [], []), "node /(one|other):"),
                 (False, ([], [], []), r"^\[]$")):  # of a new master
             with mock.patch.object(server, "ask", side_effect=[state]), \
-                    mock.patch.object(server, "ask_node", side_effect=[OSError, 1]), \
-                    mock.patch.object(rospy, "logwarn") as warned:
+                    mock.patch.object(server, "ask_node", side_effect=[OSError, 1]):
                 robust.SimpleActionServer._SimpleActionServer__look_for_twins(asked, serves_here)
-            self.assertRegex(str(warned.mock_calls), named)
+            self.assertRegex(str(said), named)
+            said.clear()
 
     def test_goal_that_waits_while_the_node_ends_is_recalled_and_not_taken_up(self):
         for state, is_recalled in (GoalStatus.PENDING, True), (GoalStatus.REJECTED, False):
@@ -1219,17 +1226,14 @@ class Units(unittest.TestCase):
         asked.next_goal.get_goal_status.assert_not_called()  # of none that waits there is none
 
     def test_goal_that_is_accepted_takes_over_from_one_that_runs_only(self):
-        one = robust.SimpleActionServer("work", TestAction, auto_start=False)
-        for count in 0, 1:
-            one.next_goal, one.new_goal = mock.Mock(**{"get_goal.return_value": GoalStatus()}), True
-            one.next_goal.get_goal_status().status = GoalStatus.ACTIVE
+        one = self.serving()
+        for count in range(3):
+            if count == 2:
+                one.register_preempt_callback(one.set_preempted)  # which leaves the goal no longer active
+            one.action_server.internal_goal_callback(TestActionGoal())
             for _ in range(2):  # the second time none waits
                 one.accept_new_goal()
             self.assertEqual(count, one._SimpleActionServer__taken_over)
-        one.current_goal, one.new_goal = actionlib.ServerGoalHandle(), True
-        one.preempt_request = True  # a callback for preempts has ended the one before
-        one.accept_new_goal()
-        self.assertEqual(2, one._SimpleActionServer__taken_over)
 
     def test_rate_that_serves_several_goals_ends_one_sleep_for_each_that_is_taken_over(self):
         asked = mock.Mock(_SimpleActionServer__taken_over=0, is_preempt_requested=lambda: False)
@@ -1242,7 +1246,7 @@ class Units(unittest.TestCase):
                 (GoalStatus.PREEMPTED, False):  # a preempt callback may have ended it before
             self.assertEqual(stops, stop_requested(), "whoever has heard and ended its goal sleeps on")
         asked.is_active.assert_not_called()  # which waits for a callback that may wait for the worker
-        with mock.patch.object(rospy, "is_shutdown", return_value=True):
+        with mock.patch.object(rospy.core, "_shutdown_flag", True):
             self.assertTrue(stop_requested(), "the clock may stand still")
         asked.current_goal.status_tracker = None
         self.assertFalse(stop_requested(), "there was no goal")
@@ -1255,8 +1259,7 @@ class Units(unittest.TestCase):
 
     def test_server_that_is_stopped_ends_its_goals_and_each_that_comes_later_and_may_go_on_without_them(self):
         def shown():
-            status, = one.action_server.status_pub.publish.call_args[0]
-            return [(each.goal_id.id, each.status) for each in status.status_list]
+            return [(each.goal_id.id, each.status) for each in one.action_server.status_pub.impl.latch.status_list]
 
         for others in [], ["waits"]:
             one = self.serving()
@@ -1274,7 +1277,7 @@ class Units(unittest.TestCase):
             self.assertEqual((False, True), (one.is_new_goal_available(), one.is_preempt_requested()))
             sent(TestActionGoal(goal_id=GoalID(id="late")))  # its topics may be open yet
             self.assertEqual([("late", GoalStatus.RECALLED)], shown())
-            late, = one.action_server.result_pub.publish.call_args[0]
+            late = one.action_server.result_pub.impl.latch
             self.assertEqual(("late", server.SHUTTING_DOWN), (late.status.goal_id.id, late.status.text))
             self.assertGreater(late.header.stamp, rospy.Time())
             one.action_server.started, one.action_server.status_list_timeout = True, rospy.Duration(-1)  # again
@@ -1306,10 +1309,9 @@ class Units(unittest.TestCase):
             one.action_server.cancel_callback = callback
             one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id="goal")))
             one.accept_new_goal()
-            one.action_server.status_pub.publish.reset_mock()
+            one.action_server.status_pub.impl.latch = None
             one.action_server.internal_cancel_callback(GoalID(id="goal"))
-            (message,), _ = one.action_server.status_pub.publish.call_args
-            self.assertEqual([state], [status.status for status in message.status_list])
+            self.assertEqual([state], [each.status for each in one.action_server.status_pub.impl.latch.status_list])
 
     def test_feedback_that_waits_while_another_thread_stops_the_server_is_not_sent(self):
         one = self.serving()
@@ -1318,7 +1320,7 @@ class Units(unittest.TestCase):
         one.action_server.lock = mock.MagicMock(**{
             "__enter__.side_effect": lambda *_: setattr(one.action_server, "started", False)})
         one.publish_feedback(TestFeedback())
-        one.action_server.feedback_pub.publish.assert_not_called()
+        self.assertIsNone(one.action_server.feedback_pub.impl.latch)
 
     def test_goal_that_is_older_than_the_one_that_runs_is_recalled(self):
         one = self.serving()
@@ -1326,8 +1328,8 @@ class Units(unittest.TestCase):
             one.action_server.internal_goal_callback(
                 TestActionGoal(goal_id=GoalID(id="of %d" % stamp, stamp=rospy.Time(stamp))))
             one.accept_new_goal()
-        ended, = one.action_server.result_pub.publish.call_args[0]
-        self.assertEqual(("of 1", False), (ended.status.goal_id.id, one.is_preempt_requested()))
+        ended = one.action_server.result_pub.impl.latch.status.goal_id.id
+        self.assertEqual(("of 1", False), (ended, one.is_preempt_requested()))
 
     def test_status_shows_an_ending_also_where_the_clock_leaps_meanwhile_and_for_5_s_after_one_was_set_back(self):
         one = self.serving()
@@ -1340,38 +1342,34 @@ class Units(unittest.TestCase):
         one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id="next")))
         with mock.patch.object(rospy.Time, "now", side_effect=map(rospy.Time, range(1000, 2000, 10))):
             one.set_succeeded()
-        shown, _ = one.action_server.status_pub.publish.call_args[0][0].status_list
+        shown, _ = one.action_server.status_pub.impl.latch.status_list
         self.assertEqual(("goal", GoalStatus.SUCCEEDED), (shown.goal_id.id, shown.status))
         goal, following = ("goal", rospy.Time(600)), ("next", rospy.Time())  # whose stamp would be in the future
         for now, shows in (700, [goal, following]), (705, [goal, following]), (706, [following]):
-            with mock.patch.object(rospy.Time, "now", return_value=rospy.Time(now)):
-                one.action_server.publish_status_async(None)
-            statuses = one.action_server.status_pub.publish.call_args[0][0].status_list
+            rospy.rostime._set_rostime(rospy.Time(now))
+            one.action_server.publish_status_async(None)
+            statuses = one.action_server.status_pub.impl.latch.status_list
             self.assertEqual(shows, [(status.goal_id.id, status.goal_id.stamp) for status in statuses])
 
     def test_what_is_logged_of_a_goal_holds_up_neither_it_nor_its_ending_and_is_what_came(self):
-        one, lines, goal = self.serving(), [], TestActionGoal(goal_id=GoalID(id="\x1b" * 1000))
-
-        def logged(words, *values):
-            results = one.action_server.result_pub.publish.call_count
-            lines.append((words % values, is_free(one.action_server.lock), results))
-
+        one, goal = self.serving(), TestActionGoal(goal_id=GoalID(id="\x1b" * 1000))
         goal.goal.goal = 7
-        with mock.patch.multiple(rospy, logwarn=logged, logerr=logged), mock.patch.object(log, "_taken", [1]), \
-                mock.patch.object(rate, "wake", lambda: lines.append("woken")):
+        publish = mock.Mock(side_effect=[rospy.ROSSerializationException("no"), None])
+        one.action_server.result_pub.publish = publish
+        lines = self.logged(lambda line: (line.getMessage(), is_free(one.action_server.lock), publish.call_count))
+        with mock.patch.object(log, "_taken", [1]), mock.patch.object(rate, "wake", lambda: lines.append("woken")):
             one.execute_thread = threading.current_thread()
             one.action_server.internal_goal_callback(goal)
             one.accept_new_goal().goal = 0
             one.action_server.internal_goal_callback(TestActionGoal(goal_id=goal.goal_id))
-            one.action_server.result_pub.publish.side_effect = [rospy.ROSSerializationException("no"), None]
             one.set_succeeded()
-            with mock.patch.object(rospy, "loginfo") as said:
-                one.action_server.publish_status_async(None)  # the next heartbeat
-            self.assertIn("goal accepted: goal 7", said.call_args_list[-2][0][1])
+            one.action_server.publish_status_async(None)  # the next heartbeat
             one.action_server.internal_goal_callback(TestActionGoal(goal_id=goal.goal_id))
             self.assertFalse(one.is_new_goal_available())
         ignored = "/work: goal ignored: its id %.60r is that of a recent goal" % goal.goal_id.id
-        self.assertEqual(["woken", "woken", (ignored, True, 0), ("/work: the result cannot be sent: no", False, 2),
+        self.assertEqual(["woken", "woken", ("/work: goal accepted: goal 7", True, 0), (ignored, True, 0),
+                          ("/work: the result cannot be sent: no", False, 2),
+                          ("/work: goal ABORTED: the result cannot be sent: no", True, 2),
                           "woken", (ignored, True, 2)], lines)
 
     def test_whoever_wakes_a_rate_waits_for_nobody(self):  # a signal handler of rospy's, say, that holds the lock
