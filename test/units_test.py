@@ -72,6 +72,12 @@ def record(*line):
     return logging.LogRecord("rosout", logging.INFO, "file", 1, line[0], line[1:], None)
 
 
+def take_up(one, goal_id="", stamp=0):
+    """Has a goal with that id and stamp (s) come to one (SimpleActionServer), which accepts it."""
+    one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id=goal_id, stamp=rospy.Time(stamp))))
+    one.accept_new_goal()
+
+
 def written(name, function):
     """Returns the signature of function, called name, as doc/robust.md writes it."""
     signature = inspect.signature(function)
@@ -87,8 +93,7 @@ class Units(unittest.TestCase):
         self.addCleanup(rospy.rostime.switch_to_wallclock)
         rospy.rostime.set_rostime_initialized(True)
         for state in (mock.patch.multiple(rospy.core, _client_ready=False, _in_shutdown=False, _shutdown_flag=False,
-                                          _client_shutdown_hooks=[], _preshutdown_hooks=[], _shutdown_hooks=[],
-                                          _shutdown_threads=[]),
+                                          _client_shutdown_hooks=[], _preshutdown_hooks=[], _shutdown_hooks=[]),
                       mock.patch.dict(rospy.core._xmlrpc_cache),
                       mock.patch.multiple(shutdown, _endings={}, hooks_thread=None)):
             state.start()
@@ -483,7 +488,7 @@ class Units(unittest.TestCase):
             log.ask_the_master_once()
         self.assertEqual([False, False, 3], [cache.get(name) for name in (key, key, "/plates")])
         asked.assert_called_once()
-        self.assertEqual({"plates": 3}, cache.d)
+        self.assertRaises(KeyError, type(cache).get, cache, key)
 
     def test_log_s_own_stream_has_the_encoding_of_pythons_and_leaves_that_open_and_a_redirected_one_stays(self):
         redirected = io.StringIO()
@@ -617,22 +622,22 @@ class Units(unittest.TestCase):
     def test_handler_of_the_program_is_called_when_the_node_is_down_but_waits_for_no_hooks_that_it_interrupts(self):
         def hook():
             ran_in.append(threading.current_thread())
+            rospy.core.add_shutdown_hook(lambda _: hung.wait(30))  # rospy stays a while when the node is down
             os.kill(os.getpid(), signal.SIGTERM)
 
         def robust_connect_subscriber():  # as in rospy/impl/tcpros_pubsub.py
             eventually(one._closed.is_set, "an end")
             heard.append(time.sleep(0.2))
 
-        ran_in, handled, heard, begun = [], [], [], time.monotonic()
+        ran_in, handled, heard, hung, begun = [], [], [], threading.Event(), time.monotonic()
         handler = signal.signal(signal.SIGTERM, lambda *_: handled.append(one._closed.is_set()))
         self.addCleanup(signal.signal, signal.SIGTERM, handler)
-        rospy.core._shutdown_threads.append(threading.main_thread())  # for which rospy waits when the node is down
-        with mock.patch.object(shutdown.Closer, "ident", 1), mock.patch.object(shutdown, "CLOSED_WITHIN", 15), \
-                mock.patch.object(rospy.core, "_TIMEOUT_SHUTDOWN_JOIN", 30):
+        with mock.patch.object(shutdown.Closer, "ident", 1), mock.patch.object(shutdown, "CLOSED_WITHIN", 15):
             rospy.on_shutdown(hook)
             with closer() as one:  # the program has ended
                 shutdown.aside(robust_connect_subscriber)
                 one._finish()
+                hung.set()
                 self.assertTrue(heard, "a callback at work may take its time")
             with closer() as one, mock.patch.object(shutdown, "aside", wraps=shutdown.aside) as aside:
                 # Another thread has called rospy.signal_shutdown.
@@ -717,10 +722,9 @@ class Units(unittest.TestCase):
         self.assertEqual([mock.call(0)] * 3, goal.look.mock_calls + newer.look.mock_calls)
 
     def test_watcher_of_goals_ends_when_there_is_none_that_runs_and_with_the_node(self):
-        for goal, is_down in (None, False), (mock.Mock(simple_state=SimpleGoalState.DONE), False), (mock.Mock(), True):
-            with mock.patch.object(rospy.core, "_shutdown_flag", is_down):
-                watched = self.watch(goal)
-            self.assertFalse(watched._SimpleActionClient__is_watched, "who would look after the next goal")
+        for goal, rospy.core._shutdown_flag in (
+                (None, False), (mock.Mock(simple_state=SimpleGoalState.DONE), False), (mock.Mock(), True)):
+            self.assertFalse(self.watch(goal)._SimpleActionClient__is_watched, "who would look after the next goal")
 
     def test_goal_that_nobody_confirms_is_sent_again_each_second_for_4_s_or_while_the_server_speaks_of_others(self):
         for speaks_of_others, begun, sent, count in (
@@ -805,23 +809,22 @@ class Units(unittest.TestCase):
         self.assertEqual(["LOST", "42"], list(map(internals.name_of, (GoalStatus.LOST, 42))))
 
     def test_parameter_that_is_not_the_nodes_own_is_asked_for_before_its_start_too(self):
-        for name, is_started in ("/plates", False), ("~plates", True):  # as it is now
+        for name, rospy.core._client_ready in ("/plates", False), ("~plates", True):  # as it is now
             with mock.patch.dict("os.environ", ROS_MASTER_URI="http://localhost:1"), arguments("_plates:=5"), \
-                    mock.patch.object(rospy.client, "_param_server", None), \
-                    mock.patch.object(rospy.core, "_client_ready", is_started), self.assertRaises(OSError):
+                    mock.patch.object(rospy.client, "_param_server", None), self.assertRaises(OSError):
                 robust.get_param(name, 1)
 
     def test_client_whose_topics_are_closed_while_it_starts_says_that_it_was_interrupted(self):
         closed = rospy.ROSException("subscriber has been closed")
         with mock.patch.object(client, "get_params"), \
                 mock.patch.object(actionlib.SimpleActionClient, "__init__", side_effect=closed):
-            for shutting_down, words in (False, "subscriber has been closed"), (True, "interrupted"):
-                with mock.patch.object(rospy.core, "_in_shutdown", shutting_down), self.assertRaisesRegex(
-                        rospy.ROSInitException, "^the client of /work cannot start: %s$" % words):
+            for rospy.core._in_shutdown, words in (False, "subscriber has been closed"), (True, "interrupted"):
+                with self.assertRaisesRegex(rospy.ROSInitException, "^the client of /work cannot start: %s$" % words):
                     robust.SimpleActionClient("work", None)
 
     def test_server_is_told_of_its_client_once_more_after_3_s_also_where_no_master_answers(self):
-        asked, topic = mock.Mock(_SimpleActionClient__registered=0), mock.Mock(resolved_name="/topic", type="type")
+        asked, topic = mock.Mock(_SimpleActionClient__registered=0), rospy.Publisher("topic", GoalID, queue_size=1)
+        self.addCleanup(topic.unregister)
         with mock.patch.dict("os.environ", ROS_MASTER_URI="http://localhost:1"), \
                 mock.patch.object(rospy.core, "_uri", "uri"), \
                 mock.patch.object(client, "ask", wraps=client.ask) as ask:
@@ -1121,7 +1124,6 @@ class Units(unittest.TestCase):
         for auto_start, end in (True, Own.__del__), (False, lambda one: setattr(one, "need_to_terminate", True)):
             with mock.patch.object(server._ActionServer, "initialize", autospec=True,
                                    side_effect=self.advertise) as initialize, \
-                    mock.patch.object(server._ActionServer, "publish_status"), mock.patch.object(shutdown, "at_end"), \
                     mock.patch.object(robust.SimpleActionServer, "_SimpleActionServer__look_for_twins"):
                 one = Own("work", TestAction, print, auto_start)
                 self.addCleanup(setattr, one, "need_to_terminate", True)
@@ -1152,8 +1154,7 @@ class Units(unittest.TestCase):
     def test_result_waits_until_feedback_is_through_but_not_after_a_cancel(self):
         for end, waits in ("set_succeeded", True), ("set_aborted", True), ("set_preempted", False):
             one, slept = self.serving(), mock.Mock()
-            one.action_server.internal_goal_callback(TestActionGoal())
-            one.accept_new_goal()
+            take_up(one)
             one.publish_feedback(TestActionFeedback().feedback)
             with mock.patch.object(server, "time", mock.Mock(monotonic=time.monotonic, sleep=slept)):
                 getattr(one, end)()
@@ -1167,14 +1168,10 @@ class Units(unittest.TestCase):
         self.assertTrue(is_free(one.lock))
 
     def test_newer_goal_that_is_accepted_while_the_result_of_the_older_one_waits_is_not_ended_by_it(self):
-        def take_up(goal_id):
-            one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id=goal_id)))
-            one.accept_new_goal()
-
         one = self.serving()
-        take_up("older")
+        take_up(one, "older")
         with ThreadPoolExecutor(1) as thread, mock.patch.object(server, "time", mock.Mock(
-                monotonic=time.monotonic, sleep=lambda _: thread.submit(take_up, "newer").result(10))):
+                monotonic=time.monotonic, sleep=lambda _: thread.submit(take_up, one, "newer").result(10))):
             one.set_succeeded()
         status = one.action_server.result_pub.impl.latch.status
         self.assertEqual(("older", GoalStatus.PREEMPTED, True), (status.goal_id.id, status.status, one.is_active()))
@@ -1264,8 +1261,7 @@ class Units(unittest.TestCase):
         for others in [], ["waits"]:
             one = self.serving()
             sent = one.action_server.internal_goal_callback
-            sent(TestActionGoal(goal_id=GoalID(id="runs")))
-            one.accept_new_goal()
+            take_up(one, "runs")
             for other in others:
                 sent(TestActionGoal(goal_id=GoalID(id=other, stamp=rospy.Time(2 ** 31))))  # a clock that is wrong
             with mock.patch.object(one, "lock", mock.MagicMock()) as lock, mock.patch.object(time, "sleep") as sleep, \
@@ -1281,8 +1277,7 @@ class Units(unittest.TestCase):
             self.assertEqual(("late", server.SHUTTING_DOWN), (late.status.goal_id.id, late.status.text))
             self.assertGreater(late.header.stamp, rospy.Time())
             one.action_server.started, one.action_server.status_list_timeout = True, rospy.Duration(-1)  # again
-            sent(TestActionGoal(goal_id=GoalID(id="next", stamp=rospy.Time(1))))
-            one.accept_new_goal()
+            take_up(one, "next", 1)
             self.assertEqual((True, False), (one.is_active(), one.is_preempt_requested()))
             one.action_server.publish_status()
             self.assertEqual([("next", GoalStatus.ACTIVE)], shown())
@@ -1296,8 +1291,7 @@ class Units(unittest.TestCase):
         held = mock.Mock(side_effect=lambda: self.assertFalse(is_free(one.action_server.lock)))
         with mock.patch.object(one.action_server, "_look_at_the_clock", held), \
                 mock.patch.object(one, "is_active", held):
-            one.action_server.internal_goal_callback(TestActionGoal())
-            one.accept_new_goal()
+            take_up(one)
             one.set_succeeded()
             one.action_server.publish_status_async(None)
         self.assertGreaterEqual(held.call_count, 5)
@@ -1307,16 +1301,14 @@ class Units(unittest.TestCase):
                 actionlib.ServerGoalHandle.set_canceled, GoalStatus.PREEMPTED):
             one = self.serving()
             one.action_server.cancel_callback = callback
-            one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id="goal")))
-            one.accept_new_goal()
+            take_up(one, "goal")
             one.action_server.status_pub.impl.latch = None
             one.action_server.internal_cancel_callback(GoalID(id="goal"))
             self.assertEqual([state], [each.status for each in one.action_server.status_pub.impl.latch.status_list])
 
     def test_feedback_that_waits_while_another_thread_stops_the_server_is_not_sent(self):
         one = self.serving()
-        one.action_server.internal_goal_callback(TestActionGoal())
-        one.accept_new_goal()
+        take_up(one)
         one.action_server.lock = mock.MagicMock(**{
             "__enter__.side_effect": lambda *_: setattr(one.action_server, "started", False)})
         one.publish_feedback(TestFeedback())
@@ -1325,9 +1317,7 @@ class Units(unittest.TestCase):
     def test_goal_that_is_older_than_the_one_that_runs_is_recalled(self):
         one = self.serving()
         for stamp in 2, 1:
-            one.action_server.internal_goal_callback(
-                TestActionGoal(goal_id=GoalID(id="of %d" % stamp, stamp=rospy.Time(stamp))))
-            one.accept_new_goal()
+            take_up(one, "of %d" % stamp, stamp)
         ended = one.action_server.result_pub.impl.latch.status.goal_id.id
         self.assertEqual(("of 1", False), (ended, one.is_preempt_requested()))
 
@@ -1337,8 +1327,7 @@ class Units(unittest.TestCase):
         program_s = GoalStatus(status=GoalStatus.SUCCEEDED)  # of a goal that is no server's
         one.action_server.publish_result(program_s, None)
         self.assertEqual(GoalStatus.SUCCEEDED, program_s.status)
-        one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id="goal", stamp=rospy.Time(600))))
-        one.accept_new_goal()
+        take_up(one, "goal", 600)
         one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id="next")))
         with mock.patch.object(rospy.Time, "now", side_effect=map(rospy.Time, range(1000, 2000, 10))):
             one.set_succeeded()
