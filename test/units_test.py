@@ -89,12 +89,13 @@ def written(name, function):
 class Units(unittest.TestCase):
 
     def setUp(self):
-        """The clock is the real one until a test sets another, and no hook waits for the end of a node."""
+        """No master, the real clock until a test sets another, and no hook that waits for the end of a node."""
         self.addCleanup(rospy.rostime.switch_to_wallclock)
         rospy.rostime.set_rostime_initialized(True)
         for state in (mock.patch.multiple(rospy.core, _client_ready=False, _in_shutdown=False, _shutdown_flag=False,
                                           _client_shutdown_hooks=[], _preshutdown_hooks=[], _shutdown_hooks=[]),
-                      mock.patch.dict(rospy.core._xmlrpc_cache),
+                      mock.patch.dict("os.environ", ROS_MASTER_URI="http://localhost:1"),
+                      mock.patch.dict(rospy.core._xmlrpc_cache), mock.patch.object(rospy.client, "_param_server", None),
                       mock.patch.multiple(shutdown, _endings={}, hooks_thread=None)):
             state.start()
             self.addCleanup(state.stop)
@@ -220,7 +221,7 @@ class Units(unittest.TestCase):
 
         before = process()
         with mock.patch.object(atexit, "register") as added, mock.patch.object(atexit, "unregister") as removed, \
-                mock.patch.dict("os.environ", ROS_MASTER_URI="http://localhost:1"), arguments("_server_timeout:=0.01"):
+                arguments("_server_timeout:=0.01"):
             with self.assertRaisesRegex(rospy.ROSInitException, "no master"):
                 robust.init_node("node", parameters={"~server_timeout": (0.0, 0, 1)})
             with mock.patch.object(node, "_wait_for_master", side_effect=KeyboardInterrupt), \
@@ -810,8 +811,7 @@ class Units(unittest.TestCase):
 
     def test_parameter_that_is_not_the_nodes_own_is_asked_for_before_its_start_too(self):
         for name, rospy.core._client_ready in ("/plates", False), ("~plates", True):  # as it is now
-            with mock.patch.dict("os.environ", ROS_MASTER_URI="http://localhost:1"), arguments("_plates:=5"), \
-                    mock.patch.object(rospy.client, "_param_server", None), self.assertRaises(OSError):
+            with arguments("_plates:=5"), self.assertRaises(OSError):  # of the master that it asks
                 robust.get_param(name, 1)
 
     def test_client_whose_topics_are_closed_while_it_starts_says_that_it_was_interrupted(self):
@@ -825,9 +825,7 @@ class Units(unittest.TestCase):
     def test_server_is_told_of_its_client_once_more_after_3_s_also_where_no_master_answers(self):
         asked, topic = mock.Mock(_SimpleActionClient__registered=0), rospy.Publisher("topic", GoalID, queue_size=1)
         self.addCleanup(topic.unregister)
-        with mock.patch.dict("os.environ", ROS_MASTER_URI="http://localhost:1"), \
-                mock.patch.object(rospy.core, "_uri", "uri"), \
-                mock.patch.object(client, "ask", wraps=client.ask) as ask:
+        with mock.patch.object(rospy.core, "_uri", "uri"), mock.patch.object(client, "ask", wraps=client.ask) as ask:
             for _ in range(2):
                 robust.SimpleActionClient._SimpleActionClient__register_again(asked, [topic, topic])
         self.assertEqual(2, ask.call_count)
