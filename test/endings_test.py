@@ -32,7 +32,6 @@ WAIT = {"never_looks": "told to stop", "preempt_cb_blocks": "^blocks"}
 
 # title: how a node is told to end, how many tracebacks of its own program are in order, and its servers
 SHUTDOWNS = {
-    "two servers interrupted": ("SIGINT", 0, "never_looks", "sleeps"),
     "two servers by rosnode kill": ("rosnode_kill", 0, "sleeps", "never_looks"),
     "two servers by signal_shutdown": ("signal_shutdown", 0, "just_returns", "sleeps"),
     "25 servers": ("SIGTERM", 0, *("polite%d" % i for i in range(25))),
@@ -134,9 +133,10 @@ class Endings(NodeCase):
             self.assertEqual(scene.shown[runs, ABORTED], scene.status.header.stamp, "the last status of %s" % server)
             self.assertLess(scene.wait_result(runs).header.stamp, scene.status.header.stamp)
 
-    def test_result_comes_a_moment_after_the_feedback_and_its_status_next_without_a_heartbeat(self, scene):
+    def test_result_comes_a_moment_after_the_feedback_and_its_status_next_without_a_heartbeat_or_a_word(self, scene):
         rospy.set_param(scene.namespace + "/actionlib_status_frequency", 0.1)
-        for kind, head_start in ("polite", 0.004), ("goal_cb_and_thread", 0):
+        # The complaints are the library's, that no goal waits.
+        for kind, head_start, complaints in ("polite", 0.004, 0), ("goal_cb_accepts_twice", 0, 1):
             server = scene.server(GUEST, kind)
             server.expect("waits for goals", timeout=5)
             goal_id = scene.send(1)
@@ -145,25 +145,17 @@ class Endings(NodeCase):
             self.assertGreater(before, 0.019, "s between feedback and result of %s" % server)
             after = (scene.shown[goal_id, SUCCEEDED] - result).to_sec()
             self.assertTrue(head_start <= after < 1, "%.4f s after the result of %s" % (after, server))
-            server.stop()
+            for line in "goal accepted: number_of_minutes 1", "goal SUCCEEDED: all done":
+                server.expect(": %s: %s$" % (scene.action[:-1], line))
+            server.signal(signal.SIGINT)
+            self.assertEqual(0, server.wait(), server)
+            self.assertRegex(server.stderr, r"^(.*a new goal is not available.*\n){%d}$" % complaints, server)
         for kind in "never_looks", "preempt_cb_raises":
             server = scene.server(GUEST, kind)
             goal_id = busy(scene)
             scene.cancel(goal_id)
             scene.wait(lambda: (goal_id, PREEMPTING) in scene.shown, "a status that it is to stop", timeout=5)
             server.stop()
-
-    def test_server_of_whatever_making_serves_and_ends_without_a_word(self, scene):
-        for kind, complaints in ("polite", 0), ("goal_cb_accepts_twice", 3):  # of the library's, that none waits
-            server = scene.server(GUEST, kind)
-            for _ in range(3):
-                ending = scene.wait_result(scene.send(1))
-                self.assertEqual((SUCCEEDED, bowls(1)), (ending.status.status, ending.result.dishes_washed), server)
-            for line in "goal accepted: number_of_minutes 1", "goal SUCCEEDED: all done":
-                server.expect(": %s: %s$" % (scene.action[:-1], line))
-            server.signal(signal.SIGINT)
-            self.assertEqual(0, server.wait(), server)
-            self.assertRegex(server.stderr, r"^(.*a new goal is not available.*\n){%d}$" % complaints, server)
 
     def test_cancel_wakes_a_sleep_though_the_callback_for_it_raises(self, scene):
         scene.server(GUEST, "preempt_cb_raises_and_sleeps")
