@@ -161,9 +161,9 @@ def printed_bowls(client):
     return named, [line[4:] for line in result.splitlines() if line.startswith("  - ")] if result else None
 
 
-def check_client(client, status, count, timeout=60):
+def check_client(client, status, count):
     """Wait for the end of a client (Process): exit status (int), and count bowls as feedback and as its result."""
-    assert client.wait(timeout) == status, "expected exit status %d of %s" % (status, client)
+    assert client.wait(60) == status, "expected exit status %d of %s" % (status, client)
     assert printed_bowls(client) == (bowls(count), bowls(count)), "expected %d bowls of %s" % (count, client)
 
 
