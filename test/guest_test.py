@@ -561,7 +561,7 @@ server.action_server.stop()
 rospy.signal_shutdown("done")
 print(outcome(client.send_goal, TestGoal()))
 """, "True", "[3, 3]", "True", "True CannotStart('the client of /other cannot start",
-                         "CannotStart('the node was shut down before it sent its goal')", PYTHONWARNINGS="default")
+                         "Interrupted('the node was shut down before it sent its goal')", PYTHONWARNINGS="default")
         self.assertNotIn("/robust/internals.py", node.stderr, node)
 
     def test_threads_are_as_many_as_the_reference_says(self, master):

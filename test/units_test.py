@@ -134,6 +134,8 @@ class Units(unittest.TestCase):
         for argument, status, words in (  # start_faults_test.py has more of them
                 ("_n:=10", 2, "~n is 10, must be a whole number from 0 to 9"), ("-h", 0, "how to"),
                 ("_m:=3", 2, "unknown parameter ~m, must be one of ~n"),
+                ("__n:=3", 2, "unknown parameter ~_n, must be one of ~n"),
+                ("/node/n:=3", 2, "'/node/n:=3' renames a topic, must be _n:=3"),
                 *((wrong, 2, "unknown argument %r" % wrong) for wrong in ("--n=3", "--n:=3", "n-1:=3")),
                 ("/n:=3", 2, "'/n:=3' renames a topic, must be _n:=3"), (":=3", 2, "unknown argument ':=3'"),
                 ("~n:=3", 2, "'~n:=3' renames a topic, must be _n:=3"),
@@ -151,7 +153,7 @@ class Units(unittest.TestCase):
 
     def test_master_uri_that_is_none_is_named(self):
         for uri in "localhost:11311", "http://", "http://localhost", "http://localhost:port", "http://:1", \
-                "https://localhost:1":
+                "http://local host:1", "https://localhost:1":
             with mock.patch.dict("os.environ", ROS_MASTER_URI=uri), arguments("-e=a:=1;b:=2"), self.assertRaisesRegex(
                     rospy.ROSInitException, "^ROS_MASTER_URI is '%s', must be like http://localhost:11311$" % uri):
                 robust.init_node("node")
@@ -1101,6 +1103,7 @@ class Units(unittest.TestCase):
     def serving(self):
         """Returns a server that needs no master."""
         one = robust.SimpleActionServer("work", TestAction, auto_start=False)
+        one.lock = threading.Lock()  # as a subclass may have for data of its own
         one.action_server.started = True
         self.advertise(one.action_server)
         return one
@@ -1139,7 +1142,7 @@ class Units(unittest.TestCase):
 
     def test_loop_of_a_server_asks_a_subclass_without_a_lock_and_again_each_0_1_s_while_that_lets_a_goal_wait(self):
         def is_new_goal_available():
-            free.append(is_free(one.lock) and is_free(one.action_server.lock))
+            free.append(is_free(one.execute_condition) and is_free(one.action_server.lock))
             one.need_to_terminate = len(free) == 2
 
         one, free = self.serving(), []
@@ -1151,26 +1154,30 @@ class Units(unittest.TestCase):
 
     def test_result_waits_until_feedback_is_through_but_not_after_a_cancel(self):
         for end, waits in ("set_succeeded", True), ("set_aborted", True), ("set_preempted", False):
-            one, slept = self.serving(), mock.Mock()
+            one, free = self.serving(), []
             take_up(one)
             one.publish_feedback(TestActionFeedback().feedback)
-            with mock.patch.object(server, "time", mock.Mock(monotonic=time.monotonic, sleep=slept)):
+            with mock.patch.object(server, "time", mock.Mock(
+                    monotonic=time.monotonic, sleep=lambda _: free.append(is_free(one.action_server.lock)))):
                 getattr(one, end)()
-            self.assertEqual(waits, slept.called, end)
+            self.assertEqual([False] * waits, free, "what comes meanwhile comes too late for " + end)
 
     def test_callback_for_goals_that_exits_keeps_no_lock(self):
         one = self.serving()
         one.register_goal_callback(sys.exit)
         with self.assertRaises(SystemExit):
             one.action_server.internal_goal_callback(TestActionGoal())
-        self.assertTrue(is_free(one.lock))
+        self.assertTrue(is_free(one.execute_condition))
 
-    def test_newer_goal_that_is_accepted_while_the_result_of_the_older_one_waits_is_not_ended_by_it(self):
+    def test_newer_goal_that_is_accepted_while_the_end_of_the_older_one_waits_for_the_lock_is_not_ended_by_it(self):
+        def wait(*_):
+            one.action_server.lock = lock
+            take_up(one, "newer")
+
         one = self.serving()
         take_up(one, "older")
-        with ThreadPoolExecutor(1) as thread, mock.patch.object(server, "time", mock.Mock(
-                monotonic=time.monotonic, sleep=lambda _: thread.submit(take_up, one, "newer").result(10))):
-            one.set_succeeded()
+        lock, one.action_server.lock = one.action_server.lock, mock.MagicMock(__enter__=wait)
+        one.set_succeeded()
         status = one.action_server.result_pub.impl.latch.status
         self.assertEqual(("older", GoalStatus.PREEMPTED, True), (status.goal_id.id, status.status, one.is_active()))
 
@@ -1214,7 +1221,7 @@ class Units(unittest.TestCase):
             asked.next_goal.get_goal_status().status = state  # the program may have ended it in its goal callback
             robust.SimpleActionServer._SimpleActionServer__ask_to_stop(asked)
             self.assertEqual((is_recalled, False), (asked.next_goal.set_canceled.called, asked.new_goal))
-            self.assertTrue(asked.action_server.lock.__enter__.called and asked.lock.__enter__.called)
+            self.assertTrue(asked.action_server.lock.__enter__.called and asked.execute_condition.__enter__.called)
             asked.preempt_callback.assert_not_called()
         asked.next_goal.get_goal_status.reset_mock()
         robust.SimpleActionServer._SimpleActionServer__ask_to_stop(asked)
@@ -1262,9 +1269,10 @@ class Units(unittest.TestCase):
             take_up(one, "runs")
             for other in others:
                 sent(TestActionGoal(goal_id=GoalID(id=other, stamp=rospy.Time(2 ** 31))))  # a clock that is wrong
-            with mock.patch.object(one, "lock", mock.MagicMock()) as lock, mock.patch.object(time, "sleep") as sleep, \
-                    mock.patch.object(actionlib.ActionServer, "stop",
-                                      side_effect=lambda: sleep.assert_called_with(shutdown.SENT_WITHIN)):
+            with mock.patch.object(one, "execute_condition", mock.MagicMock()) as lock, \
+                    mock.patch.object(time, "sleep") as sleep, mock.patch.object(
+                        actionlib.ActionServer, "stop",
+                        side_effect=lambda: sleep.assert_called_with(shutdown.SENT_WITHIN)):
                 one.action_server.stop()
             lock.__enter__.assert_called_once()
             self.assertEqual([("runs", GoalStatus.ABORTED)] + [(each, GoalStatus.RECALLED) for each in others], shown())

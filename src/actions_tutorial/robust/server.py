@@ -44,7 +44,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         """Arguments as for actionlib.SimpleActionServer. Raises rospy.ROSInitException, as start() does."""
         need("actionlib", actionlib.SimpleActionServer, "internal_goal_callback", "internal_preempt_callback")
         super().__init__(name, ActionSpec, auto_start=False)
-        need("actionlib", self, "lock", "execute_callback", "execute_thread", "execute_condition", "action_server",
+        need("actionlib", self, "execute_callback", "execute_thread", "execute_condition", "action_server",
              "current_goal", "next_goal", "new_goal", "preempt_request", "preempt_callback", "need_to_terminate")
         self.__shutting_down = False
         self.__taken_over = 0  # goals in whose midst a newer one was accepted
@@ -84,7 +84,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def __stopped(self):
         """Without it, the goal that waited is taken up after its end, and the one that runs goes on for ever."""
-        with self.lock:
+        with self.execute_condition:
             self.new_goal, self.next_goal = False, self.current_goal
             self.preempt_request = True  # until the next goal
         rate.wake()
@@ -112,9 +112,9 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def accept_new_goal(self) -> Optional[genpy.Message]:
         """Take up the goal that waits; every client sees it ACTIVE before its feedback. Returns the goal, or None."""
-        with self.action_server.lock, self.lock:
-            # preempt_request: a callback for preempts has ended the older one, whose worker may not have heard.
-            if self.new_goal and (self.is_active() or self.preempt_request):
+        with self.action_server.lock, self.execute_condition:  # a subclass may have a lock of its own
+            # A callback for preempts may have ended the older one already; its worker may not have heard.
+            if self.new_goal and self.preempt_request:
                 self.__taken_over, self.__taken_by = self.__taken_over + 1, threading.get_ident()
             goal = super().accept_new_goal()
         if goal is not None:
@@ -199,10 +199,11 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def __end(self, set_state, result, text, at_once=False):
         goal = self.current_goal
-        if not at_once:
-            # The result would now and then overtake the last feedback, which actionlib's client then drops.
-            time.sleep(max(0, self.__fed_back + FEEDBACK_HEAD_START - time.monotonic()))
         with self.action_server.lock:
+            if not at_once:
+                # The result would now and then overtake the last feedback, which actionlib's client then drops. With
+                # the lock: what comes after this call comes too late.
+                time.sleep(max(0, self.__fed_back + FEEDBACK_HEAD_START - time.monotonic()))
             if not self.action_server.started or goal is not self.current_goal:  # a newer one was accepted meanwhile
                 return
             was_active = self.is_active()
@@ -233,7 +234,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         self.need_to_terminate = True  # the thread of execute_cb ends
 
     def __ask_to_stop(self):
-        with self.action_server.lock, self.lock:
+        with self.action_server.lock, self.execute_condition:
             # The program may have ended it in its goal callback.
             if self.new_goal and self.next_goal.get_goal_status().status in _RECALLABLE:
                 self.next_goal.set_canceled(None, SHUTTING_DOWN)
@@ -299,7 +300,7 @@ class _ActionServer(actionlib.ActionServer):
         peers.serve_all_peers()
         ns = rospy.remap_name(self.ns)
         frequency = rospy.search_param("actionlib_status_frequency") or "actionlib_status_frequency"
-        hertz = 5.0, 0.1, 100  # fewer are no heartbeat, more keep a core busy
+        hertz = 5.0, 0.1, 1000  # fewer are no heartbeat, more keep a core busy
         get_params({"actionlib_server_pub_queue_size": (50, None, None), ns + "/status_frequency": hertz,
                     "actionlib_server_sub_queue_size": (-1, None, None), frequency: hertz,
                     ns + "/status_list_timeout": (5.0, 0, 1e6)})
