@@ -35,6 +35,7 @@ class OutputFaults(NodeCase):
                 client = start("action_client.py", "_number_of_minutes:=2", "_heartbeat_timeout:=20")
                 check_client(client, 0, 2)
                 check_quiet(client)
+                self.assertIn("goal accepted", server.stdout, server)
                 for node in client, server:
                     self.assertEqual(1, node.stderr.count(words), "lines with '%s' of %s" % (words, node))
 
@@ -43,9 +44,17 @@ class OutputFaults(NodeCase):
                 ('"$@" > /dev/full',), ('"$@" >&-',), ('"$@" 2>&-',), ('"$@" | head -n 1',),
                 ('ln -sf /dev/full "$ROS_LOG_DIR/full"; "$@" __log:="$ROS_LOG_DIR/full"', "cannot log to"),
                 # not even by root
-                ('ROS_HOME=/dev/null ROS_LOG_DIR=/dev/null/log "$@"', "cannot create log directory"))):
+                ('ROS_HOME=/dev/null ROS_LOG_DIR=/dev/null/log "$@"', "cannot create log directory"),
+                ('ROS_LOG_DIR=/dev/full "$@"', "cannot log to a file"))):
             with Scene("%s_%d" % (scene.namespace, number)) as own:
                 self.serves_on(own, around, *words)
+
+    def test_exit_status_is_the_client_s_where_stderr_takes_nothing(self, scene):
+        scene.server()
+        for minutes, status in ("-1", 1), ("many", 2):
+            client = scene.start("bash", "-c", "exec rosrun actions_tutorial action_client.py _number_of_minutes:=%s "
+                                 "2> /dev/full" % minutes)
+            self.assertEqual(status, client.wait(), client)
 
     def test_stdout_that_is_stopped_holds_up_no_goal_and_not_the_end(self, scene):
         reader, terminal = pty.openpty()

@@ -19,7 +19,7 @@ import time
 import traceback
 
 import rospy
-from rosgraph.roslogging import RosStreamHandler
+from rosgraph.roslogging import LoggingException, RosStreamHandler
 
 from .internals import need, wait_until
 
@@ -35,6 +35,12 @@ _soon: collections.deque = collections.deque(maxlen=WAITING)  # lines on goals: 
 def printable(text):
     """Returns text (str) in one line, without what a terminal would obey."""
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
+
+
+def say(line):
+    """Write a line on stderr, past Python's buffer: what that cannot get rid of makes the exit status 120."""
+    with contextlib.suppress(OSError, ValueError):  # nobody is left to tell
+        _own(sys.stderr).write(line + "\n")
 
 
 def failed(what):
@@ -89,6 +95,19 @@ def hold_nobody_up(handlers):
             emit = functools.partial(_write_later, write)
         handler.emit = functools.partial(_write, handler, emit)
         _taken.append(handler)
+
+
+def configure(rospy_s, *args):
+    """In place of rospy_s, rospy.core.configure_logging. Without it, a log file that cannot be opened prevents the
+    start, and where no folder for it can be made, no line gets to the terminal either (rosgraph/roslogging.py)."""
+    try:
+        rospy_s(*args)
+    except (OSError, LoggingException) as error:
+        say("cannot log to a file: %s" % error)
+    logger = logging.getLogger("rosout")
+    if not logger.handlers and not logging.getLogger().handlers:
+        logger.addHandler(RosStreamHandler())
+        logger.setLevel(logging.INFO)
 
 
 def pause():
@@ -243,10 +262,8 @@ def _say_once(handler, said, _):
     """For handleError. Without it, a disk that is full costs a traceback for each line of log."""
     if not said:
         said.append(True)
-        with contextlib.suppress(AttributeError, OSError, ValueError):  # nobody is left to tell
-            place = "the terminal" if isinstance(handler, RosStreamHandler) else "/rosout"
-            sys.stderr.write("cannot log to %s: %s\n" % (
-                getattr(handler, "baseFilename", place), sys.exc_info()[1]))
+        place = "the terminal" if isinstance(handler, RosStreamHandler) else "/rosout"
+        say("cannot log to %s: %s" % (getattr(handler, "baseFilename", place), sys.exc_info()[1]))
 
 
 def _own(stream):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import logging
 import sys
 import threading
@@ -103,7 +104,7 @@ def _check(name, arguments, usage, parameters):
     uri = rosgraph.get_master_uri()
     with contextlib.suppress(ValueError):  # of the port
         parts = urllib.parse.urlsplit(uri)
-        if parts.scheme == "http" and parts.hostname and parts.port:
+        if parts.scheme == "http" and parts.hostname and parts.port and uri.split() == [uri]:
             return values, uri
     raise cannot_start("ROS_MASTER_URI is %r, must be like http://localhost:11311" % uri)
 
@@ -132,12 +133,14 @@ def _start(options, ports):
     before = [handler for logger in loggers for handler in logger.handlers]
     # What goes wrong with them is said then: without it, a disk that is full costs a traceback for each line of log.
     complain, logging.raiseExceptions = logging.raiseExceptions, False
+    configure, rospy.core.configure_logging = rospy.core.configure_logging, functools.partial(
+        log.configure, rospy.core.configure_logging)
     try:
         _rospy_init_node(*options, True, **ports)
         log.hold_nobody_up(handler for logger in loggers for handler in logger.handlers if handler not in before
                            and type(handler).__module__.split(".")[0] in ("logging", "rosgraph", "rospy"))
     finally:
-        logging.raiseExceptions = complain
+        logging.raiseExceptions, rospy.core.configure_logging = complain, configure
         if not rospy.core.is_initialized():  # or a second try returns at once, and there is no node
             rospy.client._init_node_args = None
 
@@ -148,5 +151,5 @@ def _exit_status_2():
     try:
         yield
     except ValueError as error:
-        rospy.logfatal("%s", error)
+        (rospy.logfatal if rospy.core.is_initialized() else log.say)(str(error))
         sys.exit(2)

@@ -15,6 +15,7 @@ _rospy_get_param = rospy.get_param  # a program may put ours in its place
 _UNSPECIFIED = object()
 _KINDS = {int: "a whole number", float: "a number", str: "a string", bool: "true or false", list: "a list",
           dict: "a dictionary"}
+_ROS_S_OWN = "__name", "__ns", "__log", "__master", "__ip", "__hostname"
 
 
 def get_param(param_name: str, default: Any = _UNSPECIFIED, *, lowest: Optional[float] = None,
@@ -69,11 +70,12 @@ def check_arguments(arguments, known):
         if ":=" in value or not value or not rosgraph.names.is_legal_remap(argument):
             raise ValueError("unknown argument %r, must be --help or, as in _NAME:=VALUE, set one of %s" % (
                 argument, ", ".join(known)))
-        if name[0] == "_" and name[1:2] != "_" and "~" + name[1:] not in known:
+        if name[0] == "_" and name not in _ROS_S_OWN and "~" + name[1:] not in known:
             raise ValueError("unknown parameter ~%s, must be one of %s%s" % (
                 name[1:], ", ".join(known), "; __name:=VALUE names the node" if name == "_name" else ""))
-        if "~" + name.lstrip("~/") in known:
-            raise ValueError("%r renames a topic, must be _%s to set the parameter" % (argument, argument.lstrip("~/")))
+        last = name.rpartition("/")[2].lstrip("~")
+        if "~" + last in known:
+            raise ValueError("%r renames a topic, must be _%s:=%s to set the parameter" % (argument, last, value))
 
 
 def _from_command_line(param_name):

@@ -28,7 +28,8 @@ class Rate(rospy.Rate):
 
     def sleep(self) -> bool:
         """Sleeps until the end of the period, on the ROS clock. Returns True then, and False at once when a stop is
-        asked for. Late, or after a jump of the clock, it does what rospy.Rate does."""
+        asked for. Late, or after the clock has jumped ahead, it does what rospy.Rate does; when that is set back, it
+        begins a whole period, where rospy.Rate raises."""
         called, clock = rospy.Time.now(), rospy.rostime.get_rostime_cond()
         while True:
             wakes = _wakes

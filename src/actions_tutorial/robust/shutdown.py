@@ -7,8 +7,8 @@ Who may take how long, from the moment that a signal or `rosnode kill` tells the
                 program's own hooks (rospy.on_shutdown) run
       to 1.1 s  rospy's threads send what has been published
       to 1.5 s  the node takes leave of the master, which may take 0.5 s for each answer
-      to 1.8 s  lines of log are written
-    at 1.9 s    whatever is still there is killed
+      to 1.7 s  lines of log are written
+    at 1.8 s    whatever is still there is killed
 
 The thread Closer hears the signals; each server and client has one while its goals end.
 """
@@ -34,8 +34,8 @@ from .internals import impatient_proxy, wait_until
 GOALS_END_WITHIN = 1.0  # s of the beginning, as all of these
 SENT_WITHIN = 0.1  # s more: rospy sends from threads of its own, which cannot be asked when they are done
 CLOSED_WITHIN = 1.5
-KILLED_AFTER = 1.9
-LOG_WITHIN = 0.3  # s for itself
+KILLED_AFTER = 1.8
+LOG_WITHIN = 0.2  # s for itself
 HEARD_WITHIN = 0.1  # s in which the main thread may hear a signal and run the hooks; then a thread does
 HELD_FOR = 0.2  # s that the main thread stands still after the hooks, if goals are still ending: one may need it
 
