@@ -73,6 +73,7 @@ def interrupted(machine, how, words, *command, log=None, grace=20, tutorial=None
     status = process.wait(60)
     print(process)  # shown with a failure
     assert status < 0 or status > 128
+    assert "did not come to its end" not in process.stdout
     eventually(lambda: machine.all().items() <= before.items(), "no more than %s" % before, machine,
                timeout=grace if how == "closed" else 2)
 
@@ -92,6 +93,7 @@ def test_no_command_or_an_unknown_one_prints_the_usage(machine):
         ("somebody else's, demo", "set TUTORIAL_WS", "demo", dict(ROOTS, TUTORIAL_WS="/home"), None),
         ("somebody else's, clean", "not a folder that", "clean", dict(ROOTS, TUTORIAL_WS="/home"), None),
         ("no such test", "no test/nosuch.test", "test nosuch", {}, None),
+        ("too many words", "clean takes no argument, such as 'all'", "clean all", {}, None),
         ("no apt", "no apt-get .*docker run", "demo", ROOTS, lambda machine: machine.changed("/usr/bin/apt-get")),
         ("an apt that knows no ROS", "not know .*catkin.* container.*docker run .*%s.* debian:12 .*tutorial demo"
          % CHECKOUT, "demo", ROOTS, lambda machine: machine.changed(
