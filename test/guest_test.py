@@ -177,7 +177,7 @@ while not rospy.is_shutdown():
 print("main")
 sys.exit(3)
 """, "MainThread 4 False", "False 1",
-                  "Interrupted('the node was shut down before it sent its goal')", "main", status=3)
+                  "ROSInitException('the node was shut down before it sent its goal')", "main", status=3)
 
         self.says(master, """
 rospy.on_shutdown(lambda: print(robust.shutdown.hooks_thread == threading.get_ident()))  # known at the first hook
@@ -561,7 +561,7 @@ server.action_server.stop()
 rospy.signal_shutdown("done")
 print(outcome(client.send_goal, TestGoal()))
 """, "True", "[3, 3]", "True", "True CannotStart('the client of /other cannot start",
-                         "Interrupted('the node was shut down before it sent its goal')", PYTHONWARNINGS="default")
+                         "CannotStart('the node was shut down before it sent its goal')", PYTHONWARNINGS="default")
         self.assertNotIn("/robust/internals.py", node.stderr, node)
 
     def test_threads_are_as_many_as_the_reference_says(self, master):

@@ -45,7 +45,7 @@ class OutputFaults(NodeCase):
                 ('ln -sf /dev/full "$ROS_LOG_DIR/full"; "$@" __log:="$ROS_LOG_DIR/full"', "cannot log to"),
                 # not even by root
                 ('ROS_HOME=/dev/null ROS_LOG_DIR=/dev/null/log "$@"', "cannot create log directory"),
-                ('ROS_LOG_DIR=/dev/full "$@"', "cannot log to a file"))):
+                ('ROS_LOG_DIR=/dev/full "$@"', "cannot set up the log"))):
             with Scene("%s_%d" % (scene.namespace, number)) as own:
                 self.serves_on(own, around, *words)
 

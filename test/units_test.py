@@ -135,7 +135,6 @@ class Units(unittest.TestCase):
                 ("_n:=10", 2, "~n is 10, must be a whole number from 0 to 9"), ("-h", 0, "how to"),
                 ("_m:=3", 2, "unknown parameter ~m, must be one of ~n"),
                 ("__n:=3", 2, "unknown parameter ~_n, must be one of ~n"),
-                ("/node/n:=3", 2, "'/node/n:=3' renames a topic, must be _n:=3"),
                 *((wrong, 2, "unknown argument %r" % wrong) for wrong in ("--n=3", "--n:=3", "n-1:=3")),
                 ("/n:=3", 2, "'/n:=3' renames a topic, must be _n:=3"), (":=3", 2, "unknown argument ':=3'"),
                 ("~n:=3", 2, "'~n:=3' renames a topic, must be _n:=3"),
@@ -252,6 +251,17 @@ class Units(unittest.TestCase):
             self.assertFalse(one._hooks.locked(), "hooks run before there is a node")
         complaint.assert_not_called()
 
+    def test_signal_that_comes_while_the_main_thread_has_a_server_s_lock_lets_it_go_on_and_comes_again(self):
+        a_server = self.serving().action_server
+        with closer() as one, mock.patch.object(shutdown.Closer, "ident", 1), \
+                mock.patch.object(one, "_run_hooks") as ran:
+            with a_server.lock:
+                signal.raise_signal(signal.SIGTERM)
+            self.assertEqual((signal.SIGTERM, 0), (one._heard, ran.call_count))
+            one._hooks_ran.set()
+            one._is_down(None)
+            self.assertEqual(1, ran.call_count)
+
     def test_node_is_not_killed_any_more_when_its_end_has_come_in_time(self):
         with mock.patch.object(os, "_exit") as killed, closer() as one:
             one._deadline = time.monotonic() + 2
@@ -329,6 +339,10 @@ class Units(unittest.TestCase):
         peer.close.assert_called_once()
         asked.action_server.close.assert_called_once()
         asked._SimpleActionServer__ask_to_stop.assert_not_called()  # a callback could hold up whoever calls it
+
+    def test_exception_of_a_start_in_another_thread_ends_it_with_a_traceback(self):
+        with ThreadPoolExecutor(1) as thread:
+            self.assertNotIsInstance(thread.submit(internals.cannot_start, "").result(), SystemExit)
 
     def test_master_that_nobody_reaches_is_an_error_that_rospy_expects_and_another_protocol_is_no_answer(self):
         with self.assertRaises(xmlrpc.client.ProtocolError):
@@ -779,6 +793,7 @@ class Units(unittest.TestCase):
                     with held or contextlib.nullcontext():  # as active_cb is called
                         thread.submit(goal.look, 5).result()
                     self.assertEqual(silence, goal.silence, (goal_id, message))
+        self.assertEqual(float("inf"), goal.sent_at, "it has come, and is not sent again")
 
     def test_news_of_other_goals_and_of_one_that_has_ended_wait_for_none_of_its_callbacks(self):
         goal, result = self.goal_and_result(None)
@@ -879,8 +894,17 @@ class Units(unittest.TestCase):
                 one.send_goal(None)
             self.assertEqual(rospy.core._in_shutdown, unfinished.add.mock_calls[0][1][0].in_hook)
         for shutdown.hooks_thread, rospy.core._shutdown_flag in (-1, False), (None, True):  # they have run; it is down
-            self.assertRaises(rospy.ROSInterruptException, one.send_goal, None)
+            self.assertRaises(rospy.ROSInitException, one.send_goal, None)
         self.assertEqual(5, one._SimpleActionClient__set_up.call_count, "a subclass may have an __init__ of its own")
+
+    def test_time_out_for_a_result_ends_with_the_tick_of_a_simulated_clock_on_which_it_falls(self):
+        one = robust.SimpleActionClient.__new__(robust.SimpleActionClient)
+        one.__dict__.update(action_client=mock.MagicMock(), done_condition=mock.MagicMock(),
+                            gh=actionlib.ClientGoalHandle(self.goal_and_result(None)[0]))
+        rospy.rostime._set_rostime(rospy.Time(0, 900000000))
+        ticks = iter([rospy.Time(1, 200000000)])
+        one.done_condition.wait = lambda _: rospy.rostime._set_rostime(next(ticks))
+        self.assertFalse(one.wait_for_result(rospy.Duration(0, 300000000)))
 
     def test_short_wait_for_a_server_far_away_finds_it_and_a_look_does(self):
         for timeout in 0.001, -1:
@@ -1229,10 +1253,10 @@ class Units(unittest.TestCase):
 
     def test_goal_that_is_accepted_takes_over_from_one_that_runs_only(self):
         one = self.serving()
-        for count in range(3):
-            if count == 2:
-                one.register_preempt_callback(one.set_preempted)  # which leaves the goal no longer active
+        for count, callback in enumerate((print, print, one.set_preempted)):  # the last leaves no active goal
+            one.register_preempt_callback(callback)
             one.action_server.internal_goal_callback(TestActionGoal())
+            one.preempt_request &= count == 2  # as programs do that let a goal end first
             for _ in range(2):  # the second time none waits
                 one.accept_new_goal()
             self.assertEqual(count, one._SimpleActionServer__taken_over)

@@ -28,7 +28,7 @@ from actionlib.simple_action_client import SimpleGoalState
 from actionlib_msgs.msg import GoalID, GoalStatus
 
 from . import log, node, peers, shutdown
-from .internals import NO_ANSWER, Interrupted, ask, ask_node, cannot_start, clear, name_of, need, wait_until, why
+from .internals import NO_ANSWER, ask, ask_node, cannot_start, clear, name_of, need, wait_until, why
 from .parameters import get_params
 
 Seconds = Union[genpy.Duration, float]
@@ -148,7 +148,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """Send a goal, and forget the one before. Arguments as for actionlib's; goal may be changed afterwards.
 
         Raises rospy.ROSSerializationException for a goal that cannot be sent (AttributeError for one of another type),
-        rospy.ROSInterruptException (and ROSInitException) on shutdown.
+        rospy.ROSInitException on shutdown.
         """
         self.__set_up()
         with self.action_client.manager.list_mutex:  # whoever brings an answer waits for this
@@ -156,7 +156,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             requested = rospy.core.is_shutdown_requested()
             in_hook = threading.get_ident() == shutdown.hooks_thread if shutdown.hooks_thread else requested
             if rospy.is_shutdown() or shutdown.hooks_thread and not in_hook:
-                raise cannot_start("the node was shut down before it sent its goal", Interrupted)
+                raise cannot_start("the node was shut down before it sent its goal")
             try:
                 super().send_goal(goal, done_cb, active_cb, feedback_cb)
                 machine = self.gh.comm_state_machine
@@ -198,16 +198,17 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         has a goal. False after timeout, on shutdown, without a goal, and when the server is lost; get_failure() says
         which.
         """
-        goal, seconds, begun = self.__goal(), _duration(timeout).to_sec(), 0.0
+        goal, timeout, begun = self.__goal(), _duration(timeout), rospy.Time()
         if not goal:
-            return super().wait_for_result(_duration(timeout))  # which logs an error
+            return super().wait_for_result(timeout)  # which logs an error
         with self.done_condition:
             while goal and not goal.is_over and not rospy.is_shutdown():
-                now = rospy.get_time()
-                begun = begun or now  # 0 as long as a simulated clock has not begun
-                if 0 < seconds <= now - begun:
+                now = rospy.get_rostime()
+                begun = now if begun.is_zero() else begun  # zero as long as a simulated clock has not begun
+                left = timeout - (now - begun)  # not in floats, which a stepped clock would fall short of
+                if left <= rospy.Duration() < timeout:
                     break
-                self.done_condition.wait(min(0.1, begun + seconds - now) if seconds > 0 else 0.1)
+                self.done_condition.wait(min(0.1, left.to_sec()) if timeout > rospy.Duration() else 0.1)
                 if goal.simple_state != SimpleGoalState.DONE:
                     goal = self.__goal()  # another thread may have sent the next one, or forgotten it
         is_there = bool(goal and goal.is_over and goal.latest_goal_status.status != GoalStatus.LOST)
@@ -412,6 +413,7 @@ class _Goal(CommStateMachine):
         if self.action_goal.goal_id.id == action_feedback.status.goal_id.id and (
                 self.state != CommState.DONE or result and action_feedback.header.stamp <= result.header.stamp):
             self.mentioned = True  # a server that works in its goal callback sends no status meanwhile
+            self.sent_at = math.inf  # it has come
             self.feedback_cb(actionlib.ClientGoalHandle(self), action_feedback.feedback)
 
     def call(self, callback: Optional[Callable], *args: Any) -> None:

@@ -26,13 +26,10 @@ class CannotStart(rospy.ROSInitException, SystemExit):
         self.code = text
 
 
-class Interrupted(CannotStart, rospy.ROSInterruptException):
-    """For a call that comes while the node ends: a program that waits in rospy's calls catches this one around them."""
-
-
-def cannot_start(text, kind=CannotStart):
-    """Returns a rospy.ROSInitException with text (str), by which a program ends in one line, but no prompt does."""
-    return (rospy.ROSInitException if hasattr(sys, "ps1") else kind)(text)
+def cannot_start(text):
+    """Returns a rospy.ROSInitException with text (str) that ends the main thread in one line, but no prompt."""
+    in_main = threading.current_thread() is threading.main_thread()  # other threads end without a word on SystemExit
+    return (CannotStart if in_main and not hasattr(sys, "ps1") else rospy.ROSInitException)(text)
 
 
 def why(error):
@@ -56,7 +53,7 @@ def need(library, owner, *names):
 
 
 need("rospy", rospy.core, "is_initialized", "is_shutdown_requested", "add_shutdown_hook", "_ros_atexit",
-     "_xmlrpc_cache", "_client_shutdown_hooks", "_in_shutdown", "_shutdown_lock")
+     "_xmlrpc_cache", "_client_shutdown_hooks", "_in_shutdown", "_shutdown_lock", "_log_filename")
 
 
 def name_of(state):
