@@ -102,12 +102,11 @@ def configure(rospy_s, *args):
     start, and where no folder for it can be made, no line gets to the terminal either (rosgraph/roslogging.py)."""
     try:
         rospy_s(*args)
-    except (OSError, LoggingException) as error:
-        say("cannot log to a file: %s" % error)
-    logger = logging.getLogger("rosout")
-    if not logger.handlers and not logging.getLogger().handlers:
-        logger.addHandler(RosStreamHandler())
-        logger.setLevel(logging.INFO)
+    except (OSError, ValueError, LoggingException) as error:  # ValueError: of a configuration in YAML
+        say("cannot set up the log: %s" % error)
+    if not rospy.core._log_filename:
+        logging.getLogger("rosout").addHandler(RosStreamHandler())
+        logging.getLogger("rosout").setLevel(logging.INFO)
 
 
 def pause():

@@ -104,7 +104,7 @@ def _check(name, arguments, usage, parameters):
     uri = rosgraph.get_master_uri()
     with contextlib.suppress(ValueError):  # of the port
         parts = urllib.parse.urlsplit(uri)
-        if parts.scheme == "http" and parts.hostname and parts.port and uri.split() == [uri]:
+        if parts.scheme == "http" and parts.hostname and " " not in parts.hostname and parts.port:
             return values, uri
     raise cannot_start("ROS_MASTER_URI is %r, must be like http://localhost:11311" % uri)
 
@@ -151,5 +151,5 @@ def _exit_status_2():
     try:
         yield
     except ValueError as error:
-        (rospy.logfatal if rospy.core.is_initialized() else log.say)(str(error))
+        (rospy.logfatal if logging.getLogger("rosout").hasHandlers() else log.say)(str(error))
         sys.exit(2)

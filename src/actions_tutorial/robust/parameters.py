@@ -73,9 +73,8 @@ def check_arguments(arguments, known):
         if name[0] == "_" and name not in _ROS_S_OWN and "~" + name[1:] not in known:
             raise ValueError("unknown parameter ~%s, must be one of %s%s" % (
                 name[1:], ", ".join(known), "; __name:=VALUE names the node" if name == "_name" else ""))
-        last = name.rpartition("/")[2].lstrip("~")
-        if "~" + last in known:
-            raise ValueError("%r renames a topic, must be _%s:=%s to set the parameter" % (argument, last, value))
+        if "~" + name.lstrip("~/") in known:
+            raise ValueError("%r renames a topic, must be _%s to set the parameter" % (argument, argument.lstrip("~/")))
 
 
 def _from_command_line(param_name):

@@ -113,8 +113,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def accept_new_goal(self) -> Optional[genpy.Message]:
         """Take up the goal that waits; every client sees it ACTIVE before its feedback. Returns the goal, or None."""
         with self.action_server.lock, self.execute_condition:  # a subclass may have a lock of its own
-            # A callback for preempts may have ended the older one already; its worker may not have heard.
-            if self.new_goal and self.preempt_request:
+            # preempt_request: a callback for preempts has ended the older one, whose worker may not have heard.
+            if self.new_goal and (self.is_active() or self.preempt_request):
                 self.__taken_over, self.__taken_by = self.__taken_over + 1, threading.get_ident()
             goal = super().accept_new_goal()
         if goal is not None:
@@ -300,12 +300,12 @@ class _ActionServer(actionlib.ActionServer):
         peers.serve_all_peers()
         ns = rospy.remap_name(self.ns)
         frequency = rospy.search_param("actionlib_status_frequency") or "actionlib_status_frequency"
-        hertz = 5.0, 0.1, 1000  # fewer are no heartbeat, more keep a core busy
+        hertz = 5.0, 0.1, 1000  # fewer are no heartbeat, more only keep a core busy
         get_params({"actionlib_server_pub_queue_size": (50, None, None), ns + "/status_frequency": hertz,
                     "actionlib_server_sub_queue_size": (-1, None, None), frequency: hertz,
                     ns + "/status_list_timeout": (5.0, 0, 1e6)})
         super().initialize()
-        need("actionlib", self, "status_timer", "_frequency", "started", "lock", "status_list", "last_cancel",
+        need("actionlib", self, "status_timer", "_frequency", "started", "lock._is_owned", "status_list", "last_cancel",
              "status_pub", "feedback_pub", "result_pub", "ActionResult", "ActionResultType")
         need("rospy", self.result_pub, "impl.buff", "impl.ref_count")
         self.status_timer = rospy.Timer(rospy.Duration(1 / self._frequency), self.publish_status_async, reset=True)

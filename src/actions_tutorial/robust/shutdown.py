@@ -186,6 +186,9 @@ class Closer(threading.Thread):
         before = self._before.get(number)
         self.close()
         calls_before = callable(before) and before is not signal.default_int_handler
+        if any(server.lock._is_owned() for server in list(servers)):  # a hook may wait for whoever waits for that
+            self._heard = number
+            return
         # Else it is obeyed when the checks are done, or this interrupts the hooks.
         if self.ident and hooks_thread != threading.get_ident():
             self._run_hooks()
