@@ -200,10 +200,11 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def __end(self, set_state, result, text, at_once=False):
         goal = self.current_goal
         with self.action_server.lock:
-            if not at_once:
-                # The result would now and then overtake the last feedback, which actionlib's client then drops. With
-                # the lock: what comes after this call comes too late.
-                time.sleep(max(0, self.__fed_back + FEEDBACK_HEAD_START - time.monotonic()))
+            # The result would now and then overtake the last feedback, which actionlib's client then drops. With the
+            # lock: what comes after this call comes too late.
+            left = self.__fed_back + FEEDBACK_HEAD_START - time.monotonic()
+            if left > 0 and not at_once:
+                time.sleep(left)
             if not self.action_server.started or goal is not self.current_goal:  # a newer one was accepted meanwhile
                 return
             was_active = self.is_active()
