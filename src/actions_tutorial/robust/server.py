@@ -2,9 +2,9 @@
 """SimpleActionServer: takes a goal up at once, stops at once, and leaves no goal without an ending.
 
 Threads, as with actionlib: one for execute_cb, and a rospy.Timer that publishes the status. Goals and cancels come in
-rospy's own, one for each topic of a client. The order of the locks: action_server.lock, then lock (the simple server's,
-which is execute_condition's, too), then the clock's condition (rate.py). A callback for goals or preempts is called
-with the first two held, so whatever has to go on while it blocks must not wait for them: see __shut_down.
+rospy's own, one for each topic of a client. The order of the locks: action_server.lock, then execute_condition (the
+simple server's), then the clock's condition (rate.py). A callback for goals or preempts is called with the first two
+held, so whatever has to go on while it blocks must not wait for them: see __shut_down.
 """
 from __future__ import annotations
 
