@@ -11,7 +11,7 @@ import threading
 import pytest
 
 from conftest import Machine
-from processes import eventually
+from processes import bound_socket, eventually
 
 pytestmark = pytest.mark.needs("root", "debootstrap", "ip", "nsenter")
 CHECKOUT, COPY, WORKSPACE = "/srv/actions_tutorial", "/srv/copy", "/home/learner/workspace"
@@ -186,6 +186,13 @@ def test_the_demos_last_words_say_why_it_failed(machine, ready, argument, status
     with machine.changed(*changed) if changed else contextlib.nullcontext():
         said = machine.run(machine.tutorial, "demo", argument, status=status, stderr=subprocess.STDOUT)
     assert re.search(words, "\n".join(said.stdout.splitlines()[-among:]), re.M), str(said)
+
+
+def test_a_master_that_never_answers_is_named(machine, ready):
+    with bound_socket() as silent:
+        silent.listen()
+        uri = "http://localhost:%d" % silent.getsockname()[1]
+        fails(machine, "^the master %s does not answer$" % uri, ROS_MASTER_URI=uri)
 
 
 @pytest.mark.parametrize("uri, hostname", [
