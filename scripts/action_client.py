@@ -45,7 +45,7 @@ def call_server(number_of_minutes, server_timeout, heartbeat_timeout):
 def main():
     """Returns the exit status."""
     # As rospy.init_node. It also prints usage for --help, waits ~server_timeout for the master, checks the parameters
-    # and returns their values in the order of the table. It ends the node if one is wrong (2) or no master comes (1).
+    # and returns their values; it ends the node if one is wrong (2) or no master comes (1).
     values = robust.init_node("action_client", usage=__doc__, parameters=PARAMETERS)
     result, failure = call_server(*values)
     if result is not None:

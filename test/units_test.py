@@ -196,7 +196,7 @@ class Units(unittest.TestCase):
             del rospy.rostime.get_rostime_cond
             server._ActionServer.initialize(mock.Mock())  # not in the midst of a goal
 
-    def test_get_param_in_rospys_place_checks_limits_only(self):
+    def test_get_param_in_rospys_place_checks_only_where_there_is_a_limit(self):
         with mock.patch.object(rospy, "get_param", robust.get_param), arguments("_n:=115200"):
             self.assertEqual(115200, rospy.get_param("~n", "9600"))  # which the program makes an int of
             with self.assertRaisesRegex(ValueError, "must be a whole number to 9"):
@@ -1185,6 +1185,18 @@ class Units(unittest.TestCase):
                     monotonic=time.monotonic, sleep=lambda _: free.append(is_free(one.action_server.lock)))):
                 getattr(one, end)()
             self.assertEqual([False] * waits, free, "what comes meanwhile comes too late for " + end)
+
+    def test_shutdown_ends_a_goal_aborted_that_no_client_has_cancelled_before(self):
+        for cancel, state, text in ((), GoalStatus.ABORTED, "the server is shutting down: parked"), (
+                [GoalID()], GoalStatus.PREEMPTED, "parked"):
+            one = self.serving()
+            take_up(one)
+            for goal_id in cancel:
+                one.action_server.internal_cancel_callback(goal_id)
+            one._SimpleActionServer__shutting_down = True
+            one.set_preempted(text="parked")
+            status = one.action_server.result_pub.impl.latch.status
+            self.assertEqual((state, text), (status.status, status.text))
 
     def test_callback_for_goals_that_exits_keeps_no_lock(self):
         one = self.serving()

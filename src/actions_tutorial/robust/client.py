@@ -4,9 +4,8 @@
 What belongs to a goal stands with the goal (_Goal), so an earlier one cannot spoil a later one.
 
 Threads: answers come in rospy's own, one for each topic of a server. One thread more looks after the goal until it has
-ended. The order of the locks: the goal's mutex, with which the
-library calls done_cb and active_cb; then done_condition; then manager.list_mutex. With the latter two held, no callback
-of the user's is called.
+ended. The order of the locks: the goal's mutex, with which the library calls done_cb and active_cb; then
+done_condition; then manager.list_mutex. With the latter two held, no callback of the user's is called.
 """
 from __future__ import annotations
 
@@ -73,7 +72,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         self.__set_up(heartbeat_timeout)
 
     def __set_up(self, heartbeat_timeout: float = 5.0) -> None:
-        """Once; with its first call, for a subclass that makes the library's parts itself and not by our __init__."""
+        """Done once. A subclass that makes the library's parts itself, not by our __init__, gets here with its first
+        call."""
         if self.__is_set_up:
             return
         self.__is_set_up = True
@@ -109,7 +109,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         if not goal or goal.simple_state == SimpleGoalState.DONE:  # else it is the goal of which there is news
             self.__why_not_sent = "" if connected else \
                 "interrupted while waiting for the %s" % what if rospy.is_shutdown() else \
-                "no %s within %g s" % (what, seconds)
+                "no %s within %g s" % (what, max(seconds, 0))
         return connected
 
     def __is_connected(self) -> bool:
@@ -152,7 +152,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """
         self.__set_up()
         with self.action_client.manager.list_mutex:  # whoever brings an answer waits for this
-            # By a hook from before the client, in a node of rospy's. A signal may come while this is asked.
+            # Where no hook of ours has run (rospy's init_node, a hook older than the client), it is a hook that sends
+            # while the node ends. Asked first, for a signal may come in between.
             requested = rospy.core.is_shutdown_requested()
             in_hook = threading.get_ident() == shutdown.hooks_thread if shutdown.hooks_thread else requested
             if rospy.is_shutdown() or shutdown.hooks_thread and not in_hook:
@@ -328,7 +329,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         return False
 
     def __end_goal(self, deadline: float) -> None:
-        """Without it, the server works on for nobody."""
+        """Cancel the goal and wait for its ending. Without it, the server works on for nobody."""
         goal = self.__goal()  # also one that is just being sent
         if goal and not goal.in_hook:  # what a hook sends, such as to park an arm, is to be done
             goal.cancel()

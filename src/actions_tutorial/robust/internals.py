@@ -68,8 +68,8 @@ def impatient_proxy(uri, timeout=0.5):
 
 
 def ask(uri, call, *arguments, timeout=0.5):
-    """Returns the value that a master or a node answers to a call (str) of ROS's API. Raises one of NO_ANSWER.
-    That of a node that the master does not know is an empty URI, and then, too."""
+    """Returns the value that a master or a node answers to a call (str) of ROS's API. Raises one of NO_ANSWER, also
+    where uri is empty, as a master's answer for a node that it does not know is."""
     with impatient_proxy(uri, timeout) as proxy:
         return getattr(proxy, call)(rospy.get_name(), *arguments)[2]
 

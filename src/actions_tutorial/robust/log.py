@@ -25,7 +25,7 @@ from .internals import need, wait_until
 
 LATER = 0.005  # s that a line for /rosout and the file waits, while what it tells of goes out
 WAITING = 1000  # lines that may wait for one of the two threads; further ones are lost
-AT_ONCE = 1500  # bytes; a pipe that takes anything takes 4096 without waiting, and ASCII makes 10 of 4
+AT_ONCE = 1500  # bytes; a pipe that takes anything takes 4096 without waiting, and a letter of 4 bytes is 10 in ASCII
 READ_WITHIN = 0.2  # s that a terminal may keep whoever logs, once
 
 _taken: list = []  # the handlers, as long as nobody has to wait for them
@@ -57,7 +57,7 @@ def soon(line):
 
 def catch_up():
     """Write the lines that were logged with soon()."""
-    for line in _taken_off():  # all at once: each line of log does so first, these as well
+    for line in _taken_off():  # taken first, because loginfo() gets here again
         rospy.loginfo("%s", line())
 
 

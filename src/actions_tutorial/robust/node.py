@@ -52,7 +52,6 @@ def init_node(name: str, argv: Optional[List[str]] = None, anonymous: bool = Fal
         closer.begin()  # from here on a signal ends the node, whatever the main thread waits for
         _wait_for_master(uri, dict(zip(parameters, values)).get("~server_timeout", 0))
         _start(options, ports)
-        # Now that rospy's pieces are there, they are mended.
         record = rospy.client._init_node_args
         rospy.client._init_node_args = record[:-1] + (disable_signals,)  # for a library that calls rospy.init_node, too
         log.ask_the_master_once()

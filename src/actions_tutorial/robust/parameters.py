@@ -20,8 +20,8 @@ _ROS_S_OWN = "__name", "__ns", "__log", "__master", "__ip", "__hostname"
 
 def get_param(param_name: str, default: Any = _UNSPECIFIED, *, lowest: Optional[float] = None,
               highest: Optional[float] = None) -> Any:
-    """Get a parameter, as rospy.get_param does, and check its value: it has the type of default and lies from lowest to
-    highest (None: no limit). A default of None, or of a type that ROS does not have, checks nothing.
+    """Get a parameter, as rospy.get_param does, and check its value: it has the type of default, and a number lies from
+    lowest to highest (None: no limit). Without a default, with one of None, or of a type not ROS's, nothing is checked.
 
     Before init_node it knows the private parameters of the command line, so that a node can refuse those first.
     Raises ValueError with parameter, value and what is allowed, KeyError if there is neither value nor default.

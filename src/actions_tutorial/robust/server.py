@@ -72,7 +72,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 rospy.resolve_name(self.action_server.ns), error)) from error
 
     def __begin(self):
-        """Whoever has started the action server, the program itself or start()."""
+        """Called when the action server has started, by the program or by start()."""
         self.__name = rospy.resolve_name(self.action_server.ns)  # "~" has a meaning since init_node
         if self.execute_callback and not self.execute_thread:
             self.execute_thread = threading.Thread(target=self.executeLoop)
@@ -123,7 +123,10 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         return goal
 
     def set_succeeded(self, result: Optional[genpy.Message] = None, text: str = "") -> None:
-        """End the goal: it is done. What cannot be sent ends it ABORTED instead, with the reason."""
+        """End the goal: it is done. result: None is an empty one; text: for the client, with a default.
+
+        What cannot be sent ends it ABORTED, with the reason, as with any ending; for a goal that has ended, an error is
+        logged."""
         self.__end(super().set_succeeded, result, text or "all done")
 
     def set_aborted(self, result: Optional[genpy.Message] = None, text: str = "") -> None:
@@ -131,16 +134,17 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         self.__end(super().set_aborted, result, text or "the server gave up")
 
     def set_preempted(self, result: Optional[genpy.Message] = None, text: str = "") -> None:
-        """End the goal because it was asked to stop. On shutdown it ends ABORTED: no client has asked for that."""
-        if self.__shutting_down:
-            self.__end(super().set_aborted, result, SHUTTING_DOWN)
+        """End the goal because it was asked to stop. If only the shutdown has, no client, it ends ABORTED."""
+        if self.__shutting_down and self.current_goal.get_goal_status().status != GoalStatus.PREEMPTING:
+            self.__end(super().set_aborted, result, "%s: %s" % (SHUTTING_DOWN, text) if text else SHUTTING_DOWN)
         else:
             why = "a newer goal came" if self.new_goal else \
                 "cancelled" if self.preempt_request else "the server stopped it unasked"
             self.__end(super().set_preempted, result, text or why, at_once=True)
 
     def publish_feedback(self, feedback: genpy.Message) -> None:
-        """Send feedback for the goal; after the server's end, nothing."""
+        """Send feedback for the goal; after the server's end, nothing. Raises rospy.ROSSerializationException for what
+        cannot be sent, AttributeError for a message of another type."""
         log.show()  # on a terminal that both share, "goal accepted" stands above the client's first line
         with self.action_server.lock:
             if self.action_server.started:
@@ -172,7 +176,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 continue
             with self.execute_condition:
                 if came or not self.new_goal:
-                    self.execute_condition.wait(0.1)  # as actionlib's: not whatever it waits for notifies
+                    self.execute_condition.wait(0.1)  # as actionlib's: not all that it waits for wakes it
 
     def __execute(self, goal):
         if not self.is_active():
@@ -289,14 +293,15 @@ class _ActionServer(actionlib.ActionServer):
         self._begin()
 
     def stop(self):
-        """Without it, the goals that are left have no ending."""
+        """End the goals that are left, and stop; takes 0.1 s. Without it, they have no ending."""
         self.close()
         self._stopped()
         time.sleep(shutdown.SENT_WITHIN)
         super().stop()
 
     def initialize(self):
-        """Without it, a parameter of a wrong type is a TypeError that names no parameter."""
+        """Check what may be wrong, mend the connections, begin. Without it, a parameter of a wrong type is a TypeError
+        that names none."""
         rate.Rate(1, bool)  # a rospy that lacks what we need fails now, not in the middle of a goal
         peers.serve_all_peers()
         ns = rospy.remap_name(self.ns)

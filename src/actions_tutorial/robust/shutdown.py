@@ -37,13 +37,13 @@ CLOSED_WITHIN = 1.5
 KILLED_AFTER = 1.8
 LOG_WITHIN = 0.2  # s for itself
 HEARD_WITHIN = 0.1  # s in which the main thread may hear a signal and run the hooks; then a thread does
-HELD_FOR = 0.2  # s that the main thread stands still after the hooks, if goals are still ending: one may need it
+HELD_FOR = 0.2  # s that the main thread stands still after the hooks; the goals that are still ending may need it then
 
 _END = 255  # beside the numbers of signals, what Closer can be told
 
 unfinished: weakref.WeakSet = weakref.WeakSet()  # while there is any, a node that is killed has exit status 1, not 0
 servers: weakref.WeakSet = weakref.WeakSet()  # those of this node (server.py, _ActionServer)
-hooks_thread = None  # the number of the thread that runs the hooks, when the node ends
+hooks_thread = None  # the number of the thread that runs the hooks, when the node ends; -1: they have run in main
 _endings: dict = {}  # weakref.WeakMethod by the id of its object, which may be unhashable
 
 
