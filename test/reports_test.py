@@ -385,6 +385,12 @@ class Reports(NodeCase):
             self.assertFalse(raw.client.wait_for_result(rospy.Duration(0.1)))
             self.ends(raw, goal, state)
         self.assertEqual(9, len(raw.done), raw)
+        begun, free = threading.Event(), threading.Event()
+        goal = raw.send(active_cb=lambda: begun.set() or free.wait(20))
+        raw.result(goal, wait=False)
+        self.assertTrue(begun.wait(30), raw)
+        self.assertEqual((ACTIVE, None), (raw.client.get_state(), raw.client.get_result()), raw)
+        free.set()
 
     def test_result_ends_the_goal_whatever_status_came_before_it_and_comes_after_it(self, place):
         raw = place.meet()

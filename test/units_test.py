@@ -1262,6 +1262,10 @@ class Units(unittest.TestCase):
         asked.next_goal.get_goal_status.reset_mock()
         robust.SimpleActionServer._SimpleActionServer__ask_to_stop(asked)
         asked.next_goal.get_goal_status.assert_not_called()  # of none that waits there is none
+        asked.new_goal, asked.next_goal = True, None  # of a program that refuses goals
+        asked.is_active.return_value = True
+        robust.SimpleActionServer._SimpleActionServer__ask_to_stop(asked)
+        asked.preempt_callback.assert_called_once()
 
     def test_goal_that_is_accepted_takes_over_from_one_that_runs_only(self):
         one = self.serving()

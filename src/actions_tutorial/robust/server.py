@@ -240,8 +240,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def __ask_to_stop(self):
         with self.action_server.lock, self.execute_condition:
-            # The program may have ended it in its goal callback.
-            if self.new_goal and self.next_goal.get_goal_status().status in _RECALLABLE:
+            # The program may have ended it in its goal callback, or put None there.
+            if self.new_goal and self.next_goal and self.next_goal.get_goal_status().status in _RECALLABLE:
                 self.next_goal.set_canceled(None, SHUTTING_DOWN)
             self.new_goal = False
             if self.preempt_callback and self.is_active():
