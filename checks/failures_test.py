@@ -146,7 +146,7 @@ def test_interrupted_while_it_builds_washes_and_tests_and_the_next_call_works(ma
     interrupted(machine, how, "building in", "demo")
     interrupted(machine, how, "Generating", "demo", log=BUILD)
     interrupted(machine, how, "bowl-1", "demo")
-    interrupted(machine, how, r"passed\]", "test", "goal", "plain")
+    interrupted(machine, how, r"passed\]", "test", "units", "client")
     machine.run(machine.tutorial, "demo", "number_of_minutes:=1")
 
 

@@ -41,19 +41,21 @@ class Process:
     """A command (list of str) in a process group of its own, with env (dict of str) added to the environment; popen: of
     subprocess.Popen. lines: [(s since the start, "stdout" or "stderr", text)], as they come; usage: psutil.Process."""
 
+    starting = threading.Lock()
     _kept = []  # sockets, of all processes together
 
     def __init__(self, command, env=None, **popen):
         self.command, self.lines, self._news, self.started = command, [], threading.Condition(), time.monotonic()
         options = dict({"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}, **popen)
-        self._popen = subprocess.Popen(command, env=dict(os.environ, **env or {}), start_new_session=True,
-                                       universal_newlines=True, errors="replace", **options)
+        with self.starting:
+            self._popen = subprocess.Popen(command, env=dict(os.environ, **env or {}), start_new_session=True,
+                                           universal_newlines=True, errors="replace", **options)
+            atexit.register(self._kill)  # a test that is interrupted leaves none behind either
         self.usage = psutil.Process(self._popen.pid)
         self._readers = [threading.Thread(target=self._read, args=[name, pipe], daemon=True) for name, pipe in (
             ("stdout", self._popen.stdout), ("stderr", self._popen.stderr)) if pipe]
         for reader in self._readers:
             reader.start()
-        atexit.register(self._kill)  # a test that is interrupted leaves none behind either
 
     def expect(self, pattern, timeout=50):
         """Wait until a line holds pattern (regex), also one that came earlier. Returns the match."""

@@ -1,13 +1,13 @@
 """The bases of the tests: a scene, which is a server and its clients in a namespace, and the cases that play in it."""
 import signal
 import unittest
-from concurrent.futures import ThreadPoolExecutor
+from multiprocessing.pool import ThreadPool
 
 import rosnode
 import rospy
 
 from raw_client import SUCCEEDED, RawClient
-from processes import Group, bowls, printed_bowls
+from processes import Group, Process, bowls, printed_bowls
 from simulated_clock import SimulatedClock
 
 # s that a bound of the contract is exceeded by at most, because the clock here runs while a loaded machine starts
@@ -99,7 +99,7 @@ class NodeCase(unittest.TestCase):
 def concurrently(place, at_once=2):
     """Class decorator: the first of a TestCase's tests starts them all side by side, as they mostly wait. Each has its
     own outcome and place(its name) (Scene or Master), shares nothing else, and has no set-up nor tear-down methods."""
-    pool, runs = ThreadPoolExecutor(at_once), {}
+    pool, runs = ThreadPool(at_once), {}  # its threads end with the program: Ctrl-C waits for none
 
     def run(test):
         with place("/" + test.__name__) as here:
@@ -114,8 +114,12 @@ def concurrently(place, at_once=2):
         def outcome(name):
             def joined(_):
                 if not runs:
-                    runs.update((one, pool.submit(run, test)) for one, test in tests.items())
-                runs[name].result()
+                    runs.update((one, pool.apply_async(run, [test])) for one, test in tests.items())
+                try:
+                    runs[name].get()
+                except KeyboardInterrupt:
+                    Process.starting.acquire()  # for good: when theirs are killed, the tests would start more
+                    raise
             return joined
 
         for name in tests:
