@@ -146,7 +146,7 @@ class Endings(NodeCase):
             after = (scene.shown[goal_id, SUCCEEDED] - result).to_sec()
             self.assertTrue(head_start <= after < 1, "%.4f s after the result of %s" % (after, server))
             for line in "goal accepted: number_of_minutes 1", "goal SUCCEEDED: all done":
-                server.expect(": %s: %s$" % (scene.action[:-1], line))
+                server.expect(": %s: %s$" % (scene.action[:-1], line), timeout=5)
             server.signal(signal.SIGINT)
             self.assertEqual(0, server.wait(), server)
             self.assertRegex(server.stderr, r"^(.*a new goal is not available.*\n){%d}$" % complaints, server)

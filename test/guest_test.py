@@ -108,7 +108,8 @@ def process():
         "logging": (dict(vars(logging.Handler)), logging.getLoggerClass()), "handlers": list(logging.root.handlers),
         "complaints": logging.raiseExceptions, "threads": threading.enumerate(), "files": os.listdir("/proc/self/fd"),
         "Thread": dict(vars(threading.Thread)),
-        "libraries": (dict(vars(actionlib.SimpleActionServer)), rospy.init_node, rospy.get_param)}
+        "libraries": (dict(vars(actionlib.SimpleActionServer)), rospy.init_node, rospy.get_param,
+                      rospy.core.configure_logging)}
 
 before = process()
 from actions_tutorial import robust
@@ -266,8 +267,9 @@ asyncio.run(main())
 """, "heard up", "stopped", head=head)
 
     def test_ctrl_c_with_disable_signals_is_python_s(self, master):
-        self.says(master, "robust.init_node('guest', disable_signals=True)\nprint(outcome(send, 'INT'), state())",
-                  "KeyboardInterrupt() up", head=HEAD)
+        self.says(master, "robust.init_node('guest', disable_signals=True)\nprint(outcome(send, 'INT'), state())\n"
+                          "threading.Timer(0.5, send, ['INT']).start()\nrospy.spin()\nprint(state())",
+                  "KeyboardInterrupt() up", "down", head=HEAD)
 
     def test_ctrl_c_at_python_s_prompt_and_before_it_ends_the_node_and_not_the_prompt(self, master):
         code = "import rospy, time; from actions_tutorial import robust; robust.init_node('guest'); print('re' + 'ady')"
@@ -484,6 +486,14 @@ threading.Event().wait()
                      "interrupted while waiting for the master http://localhost:1")):
                 node = self.says(master, "%s\nrobust.init_node('guest'%s)" % (before, arguments), status=1, head=HEAD)
                 self.assertRegex(node.stderr, "^%s\n$" % reason, node)
+
+    def test_node_whose_parameter_is_wrong_is_one_still_for_a_program_that_goes_on(self, master):
+        self.says(master, """
+rosgraph.Master("/test").setParam(rospy.get_namespace() + "guest/n", "abc")
+print(outcome(lambda: robust.init_node("guest", parameters={"~n": (7, 0, 9)})))
+send("TERM")
+print(state())
+""", "SystemExit(2)", "down", head=HEAD)
 
     def test_node_starts_on_ipv6_with_ports_of_its_own_choice(self, master):
         if not os.path.exists("/proc/net/if_inet6"):

@@ -34,7 +34,7 @@ from actionlib.simple_action_client import SimpleGoalState
 from actionlib.status_tracker import StatusTracker
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from rosgraph.network import encode_ros_handshake_header
-from rosgraph.roslogging import RosStreamHandler
+from rosgraph.roslogging import LoggingException, RosStreamHandler
 from rospy.impl import registration, tcpros_base
 
 from actions_tutorial import robust
@@ -133,9 +133,9 @@ class Units(unittest.TestCase):
     def test_wrong_argument_is_one_line_and_exit_status_2_and_help_is_0(self):
         for argument, status, words in (  # start_faults_test.py has more of them
                 ("_n:=10", 2, "~n is 10, must be a whole number from 0 to 9"), ("-h", 0, "how to"),
-                ("_m:=3", 2, "unknown parameter ~m, must be one of ~n"),
+                ("_m:=3", 2, "unknown parameter ~m, must be one of ~n\n"),
                 ("__n:=3", 2, "unknown parameter ~_n, must be one of ~n"),
-                *((wrong, 2, "unknown argument %r" % wrong) for wrong in ("--n=3", "--n:=3", "n-1:=3")),
+                *((wrong, 2, "unknown argument %r" % wrong) for wrong in ("--n=3", "--n:=3", "n-1:=3", "m:=")),
                 ("/n:=3", 2, "'/n:=3' renames a topic, must be _n:=3"), (":=3", 2, "unknown argument ':=3'"),
                 ("~n:=3", 2, "'~n:=3' renames a topic, must be _n:=3"),
                 ("_name:=x", 2, "unknown parameter ~name, must be one of ~n; __name:=VALUE names the node")):
@@ -206,7 +206,8 @@ class Units(unittest.TestCase):
         for before, how in (("signal.signal(signal.SIGINT, print)", "load()"), ("sys.ps1 = ''", "load()"),
                             ("import rospy", "load()"), ("", "threading.Thread(target=load).start()")):
             code = ("import signal, sys, threading\n%s\nfailures, signal.signal = [1], lambda *_: failures.append(2)\n"
-                    "def load():\n    from actions_tutorial import robust\n    failures.remove(1)\n%s\n"
+                    "def load():\n    from actions_tutorial import robust\n"
+                    "    failures.remove('actions_tutorial.msg' in sys.modules)\n%s\n"  # True, which is 1
                     "[one.join() for one in threading.enumerate() if one is not threading.main_thread()]\n"
                     "sys.exit(bool(failures))" % (before, how))
             self.assertEqual(0, subprocess.call(["/usr/bin/python3", "-c", code]), code)
@@ -288,6 +289,14 @@ class Units(unittest.TestCase):
             signal.set_wakeup_fd(program_s.fileno())
             one._give_back()  # as in a child of a program whose start has failed
             self.assertEqual(program_s.fileno(), signal.set_wakeup_fd(program_s.fileno()))
+            for waits, given_back in (False, program_s.fileno()), (True, -1):
+                one = shutdown.Closer()
+                one.heed_signals()
+                program_s.setblocking(waits)
+                one.give_up()
+                self.assertEqual(given_back, signal.set_wakeup_fd(-1))
+                program_s.setblocking(False)
+                signal.set_wakeup_fd(program_s.fileno())
             one = shutdown.Closer()
             one.heed_signals()
         one.give_up()  # the program has closed it meanwhile
@@ -316,7 +325,9 @@ class Units(unittest.TestCase):
             shutdown.at_end(forgotten.end)
             del forgotten  # since
             shutdown._end_all_goals()
-            rospy.core._client_shutdown_hooks[-1]()  # which waits for them
+            with mock.patch.object(time, "sleep") as sleep:
+                rospy.core._client_shutdown_hooks[-1]()  # which waits for them
+            sleep.assert_called_once_with(shutdown.SENT_WITHIN)
             caller, called = log._Caller(0), threading.Event()
             caller.call(print)  # nor does the log fail
         caller.call(called.set)
@@ -328,7 +339,8 @@ class Units(unittest.TestCase):
         peer, write, asked, accepting = mock.Mock(), mock.Mock(), mock.MagicMock(), self.peers_server()[0]
         asked.action_server.unended.return_value = []
         with mock.patch.object(threading.Thread, "start", side_effect=RuntimeError), \
-                mock.patch.object(log, "_terminal", log._Caller(0)) as caller, mock.patch.object(log, "_is_terminal"):
+                mock.patch.object(log, "_terminal", log._Caller(0)) as caller, \
+                mock.patch.object(log, "_is_terminal"), mock.patch.object(rospy, "logwarn") as complaint:
             log._write_at_once(io.StringIO(), 1, write)
             self.assertEqual((1, 0), (write.call_count, len(caller)))
             for _ in range(2 * log.WAITING):
@@ -338,6 +350,7 @@ class Units(unittest.TestCase):
         self.assertEqual(log.WAITING, len(caller))
         peer.close.assert_called_once()
         asked.action_server.close.assert_called_once()
+        complaint.assert_not_called()  # no goal was stubborn
         asked._SimpleActionServer__ask_to_stop.assert_not_called()  # a callback could hold up whoever calls it
 
     def test_exception_of_a_start_in_another_thread_ends_it_with_a_traceback(self):
@@ -445,11 +458,24 @@ class Units(unittest.TestCase):
                 line.levelno, line.args = level, None  # as logging.handlers.QueueHandler makes it
                 log._write_to_terminal(handler, write, line)
                 self.assertEqual(calls, (write.call_count, later.call.call_count))
+            log._write_at_once(handler._stdout, log.AT_ONCE, write)  # which a pipe may not take
+            self.assertEqual((1, 2), (write.call_count, later.call.call_count))
         for error in AttributeError, OSError, ValueError:
             other = mock.Mock(fileno=mock.Mock(side_effect=error))
             self.assertTrue(log._takes_a_line(other))
             log._write_at_once(mock.Mock(spec=["write"], fileno=other.fileno), 1, write)  # without isatty
         self.assertEqual(4, write.call_count)
+        read, full = os.pipe2(os.O_NONBLOCK)
+        with open(read, "rb"), open(full, "wb", 0) as pipe:
+            self.assertTrue(log._takes_a_line(pipe))
+            pipe.write(bytes(1 << 20))
+            self.assertFalse(log._takes_a_line(pipe))
+
+    def test_line_stands_on_a_terminal_that_takes_it_when_the_call_returns(self):
+        said = []
+        with mock.patch.multiple(log, _terminal=log._Caller(0), _is_terminal=mock.Mock(), READ_WITHIN=30):
+            log._write_at_once(io.StringIO(), 1, lambda: said.append(time.sleep(0.05)))
+        self.assertEqual([None], said)
 
     def test_complaint_of_the_log_names_what_it_cannot_log_to_and_where_nobody_can_be_told_is_no_error(self):
         for stderr in None, *(mock.Mock(**{"write.side_effect": error}) for error in (OSError, ValueError)):
@@ -469,7 +495,7 @@ class Units(unittest.TestCase):
             handlers.extend([Own(), rospy_s])  # the program's by ROS_PYTHON_LOG_CONFIG_FILE
 
         said, rospy_s = [], RosStreamHandler()
-        with mock.patch.object(logging.getLogger("rosout"), "handlers", []) as handlers, \
+        with mock.patch.object(logging.getLogger("rosout"), "handlers", [logging.NullHandler()]) as handlers, \
                 mock.patch.object(log, "hold_nobody_up", lambda ours: said.extend([logging.raiseExceptions, *ours])), \
                 mock.patch.object(node, "_rospy_init_node", init_node):
             rospy.client._init_node_args = "those of a start that fails"
@@ -496,6 +522,15 @@ class Units(unittest.TestCase):
                 sources.removeHandler(one)
         self.assertCountEqual(["cannot log to %s: it is full" % place for place in ("/dev/null", "the terminal")],
                               complaints.getvalue().splitlines())
+
+    def test_log_that_cannot_be_set_up_is_said_and_goes_to_the_terminal(self):
+        self.logged()  # which restores the level
+        for error in OSError, ValueError, LoggingException:
+            with mock.patch.object(logging.getLogger("rosout"), "handlers", []) as handlers, \
+                    mock.patch.object(rospy.core, "_log_filename", None), \
+                    contextlib.redirect_stderr(io.StringIO()) as said:
+                log.configure(mock.Mock(side_effect=error("no folder")))
+            self.assertEqual(("cannot set up the log: no folder\n", 1), (said.getvalue(), len(handlers)))
 
     def test_log_asks_the_master_once_and_puts_nothing_into_the_cache_of_parameters(self):
         key, cache = "/rosout_disable_topics_generation", rospy.impl.paramserver.ParamServerCache()
@@ -533,6 +568,12 @@ class Units(unittest.TestCase):
                 setattr(line, name, value)
                 log._write_to_terminal(handler, print, line)
         self.assertEqual([True, False, False, False], sizes)
+
+    def test_thread_of_the_log_sleeps_until_there_is_news(self):
+        with mock.patch.object(log, "time") as clock:
+            log._Caller(0).call(print)
+            time.sleep(0.1)
+        self.assertLess(clock.sleep.call_count, 5)
 
     def test_fork_waits_for_a_disk_that_hangs_for_a_moment_only_and_the_log_goes_on(self):
         begun, hangs, goes_on = threading.Event(), threading.Event(), threading.Event()
@@ -596,12 +637,15 @@ class Units(unittest.TestCase):
         self.assertEqual((1, True), (wake.call_count, one._closed.is_set()))
 
     def test_request_to_end_for_the_node_that_had_the_port_before_is_refused(self):
-        self.logged()  # and not to this terminal
+        said = self.logged()
         with closer() as one, mock.patch.object(one, "close") as close:
             for name, refused in ("/other", ValueError), (rospy.get_name(), ()):
                 with contextlib.suppress(refused):
                     one._hear_request("shutdown request: [%s] Reason: new node registered with same name" % name)
                 self.assertEqual(not refused, close.called)
+            one._hear_request("shutdown request: user request")
+        self.assertEqual(["another node took the name %s, so this one ends" % rospy.get_name(),
+                          "shutdown request: user request"], said)
 
     def test_node_whose_hooks_hang_is_killed_also_where_no_thread_can_be_had(self):
         """As Python 3.12 starts none when it ends."""
@@ -613,6 +657,13 @@ class Units(unittest.TestCase):
             with self.assertRaises(SystemExit):
                 one.run()
         self.assertFalse(rospy.core.is_shutdown_requested())
+
+    def test_node_that_leaves_the_signals_to_python_ends_when_told(self):
+        one = shutdown.Closer()
+        one.close()
+        with mock.patch.object(shutdown, "aside", side_effect=lambda _: one._mouth.close()) as aside, one._ears:
+            one.run()
+        aside.assert_called_once()
 
     def test_hooks_of_the_program_run_once_whatever_they_raise_and_what_comes_later_is_not_theirs(self):
         def hook():
@@ -674,6 +725,45 @@ class Units(unittest.TestCase):
         self.assertEqual([False, True], handled)
         self.assertEqual([threading.main_thread()], ran_in, "once")
 
+    def test_timer_may_be_at_work_when_the_program_ends(self):
+        for thread in mock.Mock(spec=rospy.Timer), threading.Thread(target=print):
+            with mock.patch.object(threading, "enumerate", return_value=[thread]):
+                self.assertEqual(isinstance(thread, rospy.Timer), shutdown._callbacks_run())
+
+    def test_main_thread_stands_still_while_another_runs_the_hooks(self):
+        with closer() as one, mock.patch.object(shutdown.Closer, "ident", 1):
+            rospy.core._in_shutdown = True  # that has called rospy.signal_shutdown
+            threading.Timer(2 * shutdown.HELD_FOR, one._hooks_ran.set).start()
+            signal.raise_signal(signal.SIGTERM)
+            self.assertTrue(one._hooks_ran.is_set())
+
+    def test_program_that_ends_waits_for_a_thread_that_is_just_closing_the_node(self):
+        with closer() as one:
+            rospy.core._in_shutdown = True  # that has called rospy.signal_shutdown
+            threading.Timer(0.2, one._closed.set).start()
+            one._finish()
+            self.assertTrue(one._closed.is_set())
+
+    def test_shutdown_for_another_reason_than_the_program_s_end_is_rospys(self):  # of rospy.spin, after Ctrl-C
+        with closer() as one, mock.patch.object(rospy, "signal_shutdown") as ended:
+            one._signal_shutdown("keyboard interrupt")
+            ended.assert_called_once_with("keyboard interrupt")
+            self.assertFalse(one._hooks.locked(), "begun as for the program's end")
+
+    def test_program_that_ends_waits_for_its_node_also_where_no_callback_is_at_work(self):
+        with closer() as one, mock.patch.multiple(shutdown, CLOSED_WITHIN=0, _callbacks_run=lambda: False), \
+                mock.patch.object(rospy.core, "signal_shutdown"), \
+                mock.patch.object(rospy, "signal_shutdown", lambda _: time.sleep(0.2) or one._closed.set()):
+            one._finish()
+            self.assertTrue(one._closed.is_set())
+
+    def test_node_whose_main_thread_does_not_hear_ends_all_the_same(self):
+        with closer() as one, mock.patch.object(rospy, "signal_shutdown") as ended, \
+                mock.patch.multiple(shutdown, HEARD_WITHIN=0, KILLED_AFTER=0):
+            one._deadline = time.monotonic()
+            one._shut_down()
+        ended.assert_called_once()
+
     def test_line_on_a_goal_that_another_thread_has_just_taken_is_no_error(self):
         with mock.patch.object(log, "_soon", mock.MagicMock(popleft=mock.Mock(side_effect=IndexError))):
             log.catch_up()
@@ -690,7 +780,7 @@ class Units(unittest.TestCase):
                 for text, is_shown in (("two\nlines", False), ("\n", True), ("50 %", False), ("", True),
                                        ("\r51 %", True), ("pending", False)):  # as print does, and a progress
                     before, written = stream.buffer.getvalue(), written + text.encode()
-                    stream.write(text)
+                    self.assertEqual(len(text), stream.write(text))
                     self.assertEqual(written if is_shown or unbuffered else before, stream.buffer.getvalue())
                 shown = stream.buffer.getvalue()
                 for _ in range(2):  # a child of a child
@@ -712,6 +802,10 @@ class Units(unittest.TestCase):
         with self.assertRaises(BlockingIOError):
             stdout._write(mock.Mock(), mock.Mock(side_effect=BlockingIOError), close_node, "a bowl")
         close_node.assert_not_called()
+        with mock.patch.object(os, "dup2"), ThreadPoolExecutor(1) as thread:
+            self.logged()
+            self.assertEqual(6, thread.submit(
+                stdout._write, mock.Mock(), mock.Mock(side_effect=OSError), close_node, "a bowl").result())
 
     def test_heartbeat_timeout_that_is_no_number_above_0_is_a_value_error(self):
         for wrong in 0, -1, float("nan"), True, "5":
@@ -741,7 +835,9 @@ class Units(unittest.TestCase):
     def test_watcher_of_goals_ends_when_there_is_none_that_runs_and_with_the_node(self):
         for goal, rospy.core._shutdown_flag in (
                 (None, False), (mock.Mock(simple_state=SimpleGoalState.DONE), False), (mock.Mock(), True)):
-            self.assertFalse(self.watch(goal)._SimpleActionClient__is_watched, "who would look after the next goal")
+            with mock.patch.object(time, "sleep") as sleep:
+                self.assertFalse(self.watch(goal)._SimpleActionClient__is_watched, "who would look after the next goal")
+            sleep.assert_called_once_with(client.LOOKS)
 
     def test_goal_that_nobody_confirms_is_sent_again_each_second_for_4_s_or_while_the_server_speaks_of_others(self):
         for speaks_of_others, begun, sent, count in (
@@ -777,7 +873,7 @@ class Units(unittest.TestCase):
             heard, goal.silence, goal.state = [], 31, CommState.ACTIVE
             goal.look = mock.Mock(return_value=speaks_of_others)
             with mock.patch.object(client, "_running", [goal.topic] * held_up):
-                self.watch(*[goal] * 2, _SimpleActionClient__server_lives=lambda: lives)
+                self.watch(*[goal] * 3, _SimpleActionClient__server_lives=lambda: lives)  # one is not asked for
             self.assertEqual([held_up] * is_lost, heard, (held_up, speaks_of_others, lives))
 
     def test_feedback_and_status_of_the_goal_not_of_another_are_words_about_it_and_a_callback_is_no_silence(self):
@@ -802,6 +898,11 @@ class Units(unittest.TestCase):
             goal.state = CommState.DONE
             for hear, news in (goal.update_result, result), (goal.update_status, GoalStatusArray()):
                 thread.submit(hear, news).result(10)
+
+    def test_callback_that_fails_is_named_in_the_log(self):
+        said, (goal, _) = self.logged(), self.goal_and_result(None)
+        goal.call(lambda: 1 / 0)
+        self.assertRegex(said[0], "^the callback <lambda> failed: (?s:.*)ZeroDivisionError")
 
     def test_feedback_that_nobody_wants_is_no_error(self):
         asked = mock.MagicMock(feedback_cb=None)
@@ -831,13 +932,31 @@ class Units(unittest.TestCase):
             with arguments("_plates:=5"), self.assertRaises(OSError):  # of the master that it asks
                 robust.get_param(name, 1)
 
+    def test_wrong_parameter_of_the_server_is_deleted_by_its_name_and_one_of_the_command_line_is_not_there(self):
+        rospy.core._client_ready = True
+        with mock.patch("actions_tutorial.robust.parameters._rospy_get_param", return_value="abc"), \
+                arguments("_n:=abc"):
+            for name, words in ("~n", "number"), ("/plates", "; .* `rosparam delete /plates`"), (
+                    "~m", "; .* `rosparam delete %s`" % rospy.get_name()):
+                with self.assertRaisesRegex(ValueError, "must be a whole %s$" % words.replace("; ", "number; ")):
+                    robust.get_param(name, 1)
+
+    def test_parameter_without_value_and_default_is_a_key_error_and_asked_for_unless_it_can_only_be_an_argument(self):
+        for name, rospy.core._client_ready, is_asked_for in (
+                ("~n", False, False), ("~n", True, True), ("/n", False, True), ("/n", True, True)):
+            with mock.patch("actions_tutorial.robust.parameters._rospy_get_param", side_effect=KeyError) as asked, \
+                    arguments("_m:=1"), self.assertRaises(KeyError):
+                robust.get_param(name)
+            self.assertEqual(is_asked_for, asked.called, name)
+
     def test_client_whose_topics_are_closed_while_it_starts_says_that_it_was_interrupted(self):
         closed = rospy.ROSException("subscriber has been closed")
-        with mock.patch.object(client, "get_params"), \
+        with mock.patch.object(client, "get_params"), mock.patch.object(peers, "serve_all_peers") as mended, \
                 mock.patch.object(actionlib.SimpleActionClient, "__init__", side_effect=closed):
             for rospy.core._in_shutdown, words in (False, "subscriber has been closed"), (True, "interrupted"):
                 with self.assertRaisesRegex(rospy.ROSInitException, "^the client of /work cannot start: %s$" % words):
                     robust.SimpleActionClient("work", None)
+        self.assertEqual(2, mended.call_count)
 
     def test_server_is_told_of_its_client_once_more_after_3_s_also_where_no_master_answers(self):
         asked, topic = mock.Mock(_SimpleActionClient__registered=0), rospy.Publisher("topic", GoalID, queue_size=1)
@@ -904,7 +1023,12 @@ class Units(unittest.TestCase):
         rospy.rostime._set_rostime(rospy.Time(0, 900000000))
         ticks = iter([rospy.Time(1, 200000000)])
         one.done_condition.wait = lambda _: rospy.rostime._set_rostime(next(ticks))
-        self.assertFalse(one.wait_for_result(rospy.Duration(0, 300000000)))
+        with mock.patch.object(shutdown, "let_loops_see_it") as waits:
+            self.assertFalse(one.wait_for_result(rospy.Duration(0, 300000000)))
+        waits.assert_not_called()
+        one.done_condition.wait = mock.Mock(side_effect=lambda _: one.stop_tracking_goal())
+        self.assertFalse(one.wait_for_result())
+        one.done_condition.wait.assert_called_once_with(0.1)  # below 0 it would return at once
 
     def test_short_wait_for_a_server_far_away_finds_it_and_a_look_does(self):
         for timeout in 0.001, -1:
@@ -927,8 +1051,10 @@ class Units(unittest.TestCase):
 
     def test_wait_for_a_server_before_init_node_does_not_begin(self):
         rospy.rostime.set_rostime_initialized(False)
+        asked = mock.MagicMock()
         with self.assertRaisesRegex(rospy.ROSInitException, "init_node"):
-            robust.SimpleActionClient.wait_for_server(mock.MagicMock(), 0.1)
+            robust.SimpleActionClient.wait_for_server(asked, 0.1)
+        asked._SimpleActionClient__set_up.assert_called_once()  # a subclass may have an __init__ of its own
 
     def goal_and_result(self, told, send_cancel=None):
         """Returns a goal that calls these functions with its handle and with a cancel, and its result, SUCCEEDED."""
@@ -989,7 +1115,7 @@ class Units(unittest.TestCase):
 
     def test_silent_peer_is_let_go_and_holds_up_nobody_one_that_speaks_slowly_is_heard_and_one_may_be_gone(self):
         heard, header = [], encode_ros_handshake_header({"topic": "topic"})
-        _, connect = self.peers_server(lambda *_: heard.append(1))
+        _, connect = self.peers_server(lambda peer, *_: heard.append(peer.gettimeout()))
         with mock.patch.object(peers, "SPEAKS_WITHIN", 3), mock.patch.object(threading, "excepthook") as complaint:
             silent, slow, gone = connect(b""), connect(header[:3]), connect(b"")
             gone.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # with a reset
@@ -1000,6 +1126,7 @@ class Units(unittest.TestCase):
             self.assertEqual(b"", silent.recv(1))
             slow.sendall(header[3:])
             eventually(lambda: len(heard) == 2, "the slow one")
+        self.assertEqual([None, None], heard, "time-outs of those that have spoken")
         complaint.assert_not_called()
 
     def test_peers_are_connected_one_after_the_other_by_locks_that_are_looked_up_so_and_forgotten(self):
@@ -1091,7 +1218,9 @@ class Units(unittest.TestCase):
             return asked[1:]
 
         asked = []
-        self.assertFalse(rate.Rate(0.1, stop_requested).sleep())
+        with mock.patch.object(rospy.rostime.get_rostime_cond(), "wait") as wait:
+            self.assertFalse(rate.Rate(0.1, stop_requested).sleep())
+        wait.assert_not_called()
         self.assertEqual([False, False], asked)
 
     def test_rate_sleeps_until_its_end_in_real_time_or_news_of_a_simulated_clock_and_does_not_poll(self):
@@ -1159,6 +1288,9 @@ class Units(unittest.TestCase):
                 one.action_server.start()  # it was stopped
                 self.assertIs(thread, one.execute_thread)
                 Own("work", TestAction, print, False).__del__()
+                other = Own("work", TestAction)
+                self.addCleanup(setattr, other, "need_to_terminate", True)
+                self.assertIsNone(other.execute_thread, "it would take the callback's goals")
             one.action_server.status_frequency = 7
             self.assertEqual((7, True), (one.action_server.status_frequency, one.execute_thread.is_alive()))
             shutdown.aside(end, one)
@@ -1183,7 +1315,8 @@ class Units(unittest.TestCase):
             one.publish_feedback(TestActionFeedback().feedback)
             with mock.patch.object(server, "time", mock.Mock(
                     monotonic=time.monotonic, sleep=lambda _: free.append(is_free(one.action_server.lock)))):
-                getattr(one, end)()
+                getattr(one, end)(text=end)
+            self.assertEqual(end, one.action_server.result_pub.impl.latch.status.text)
             self.assertEqual([False] * waits, free, "what comes meanwhile comes too late for " + end)
 
     def test_shutdown_ends_a_goal_aborted_that_no_client_has_cancelled_before(self):
@@ -1275,7 +1408,8 @@ class Units(unittest.TestCase):
             one.preempt_request &= count == 2  # as programs do that let a goal end first
             for _ in range(2):  # the second time none waits
                 one.accept_new_goal()
-            self.assertEqual(count, one._SimpleActionServer__taken_over)
+            self.assertEqual((count, threading.get_ident() if count else None),
+                             (one._SimpleActionServer__taken_over, one._SimpleActionServer__taken_by))
 
     def test_rate_that_serves_several_goals_ends_one_sleep_for_each_that_is_taken_over(self):
         asked = mock.Mock(_SimpleActionServer__taken_over=0, is_preempt_requested=lambda: False)
@@ -1310,10 +1444,11 @@ class Units(unittest.TestCase):
             for other in others:
                 sent(TestActionGoal(goal_id=GoalID(id=other, stamp=rospy.Time(2 ** 31))))  # a clock that is wrong
             with mock.patch.object(one, "execute_condition", mock.MagicMock()) as lock, \
-                    mock.patch.object(time, "sleep") as sleep, mock.patch.object(
-                        actionlib.ActionServer, "stop",
-                        side_effect=lambda: sleep.assert_called_with(shutdown.SENT_WITHIN)):
+                    mock.patch.object(time, "sleep") as sleep, mock.patch.object(rate, "wake") as wake, \
+                    mock.patch.object(actionlib.ActionServer, "stop",
+                                      side_effect=lambda: sleep.assert_called_with(shutdown.SENT_WITHIN)):
                 one.action_server.stop()
+            wake.assert_called_once()
             lock.__enter__.assert_called_once()
             self.assertEqual([("runs", GoalStatus.ABORTED)] + [(each, GoalStatus.RECALLED) for each in others], shown())
             self.assertEqual((False, True), (one.is_new_goal_available(), one.is_preempt_requested()))
@@ -1361,18 +1496,19 @@ class Units(unittest.TestCase):
         self.assertIsNone(one.action_server.feedback_pub.impl.latch)
 
     def test_goal_that_is_older_than_the_one_that_runs_is_recalled(self):
-        one = self.serving()
+        one, said = self.serving(), self.logged()
         for stamp in 2, 1:
             take_up(one, "of %d" % stamp, stamp)
         ended = one.action_server.result_pub.impl.latch.status.goal_id.id
         self.assertEqual(("of 1", False), (ended, one.is_preempt_requested()))
+        self.assertNotIn("ignored", str(said))
 
     def test_status_shows_an_ending_also_where_the_clock_leaps_meanwhile_and_for_5_s_after_one_was_set_back(self):
         one = self.serving()
         one.action_server.status_list_timeout = rospy.Duration(5)
         program_s = GoalStatus(status=GoalStatus.SUCCEEDED)  # of a goal that is no server's
         one.action_server.publish_result(program_s, None)
-        self.assertEqual(GoalStatus.SUCCEEDED, program_s.status)
+        self.assertEqual((GoalStatus.SUCCEEDED, ""), (program_s.status, program_s.text))
         take_up(one, "goal", 600)
         one.action_server.internal_goal_callback(TestActionGoal(goal_id=GoalID(id="next")))
         with mock.patch.object(rospy.Time, "now", side_effect=map(rospy.Time, range(1000, 2000, 10))):
