@@ -16,6 +16,7 @@ import psutil
 import rosgraph
 
 PACKAGE = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))  # its folder
+os.environ.pop("PYTHONUNBUFFERED", None)  # of whoever tests: with it, what is not flushed is seen, too
 
 
 def eventually(condition, what, *concerned, timeout=50, news=None, pause=0.02):

@@ -150,5 +150,5 @@ def _exit_status_2():
     try:
         yield
     except ValueError as error:
-        rospy.logfatal(str(error))  # on stderr, where there is no log yet
+        (rospy.logfatal if logging.getLogger("rosout").hasHandlers() else log.say)(str(error))
         sys.exit(2)
