@@ -52,6 +52,8 @@ class Process:
             self._popen = subprocess.Popen(command, env=dict(os.environ, **env or {}), start_new_session=True,
                                            universal_newlines=True, errors="replace", **options)
             atexit.register(self._kill)  # a test that is interrupted leaves none behind either
+            atexit.unregister(self.starting.acquire)
+            atexit.register(self.starting.acquire)  # first of all: tests that still run start no more
         self.usage = psutil.Process(self._popen.pid)
         self._readers = [threading.Thread(target=self._read, args=[name, pipe], daemon=True) for name, pipe in (
             ("stdout", self._popen.stdout), ("stderr", self._popen.stderr)) if pipe]

@@ -7,7 +7,7 @@ import rosnode
 import rospy
 
 from raw_client import SUCCEEDED, RawClient
-from processes import Group, Process, bowls, printed_bowls
+from processes import Group, bowls, printed_bowls
 from simulated_clock import SimulatedClock
 
 # s that a bound of the contract is exceeded by at most, because the clock here runs while a loaded machine starts
@@ -102,11 +102,14 @@ def concurrently(place, at_once=2):
     pool, runs = ThreadPool(at_once), {}  # its threads end with the program: Ctrl-C waits for none
 
     def run(test):
-        with place("/" + test.__name__) as here:
-            try:
-                test(here)
-            finally:
-                test.__self__.doCleanups()
+        try:
+            with place("/" + test.__name__) as here:
+                try:
+                    test(here)
+                finally:
+                    test.__self__.doCleanups()
+        except SystemExit as error:  # would end a thread of the pool without a word
+            raise AssertionError("the test raised %r" % error) from error
 
     def decorate(case):
         tests = {name: getattr(case(name), name) for name in vars(case) if name.startswith("test_")}
@@ -115,11 +118,7 @@ def concurrently(place, at_once=2):
             def joined(_):
                 if not runs:
                     runs.update((one, pool.apply_async(run, [test])) for one, test in tests.items())
-                try:
-                    runs[name].get()
-                except KeyboardInterrupt:
-                    Process.starting.acquire()  # for good: when theirs are killed, the tests would start more
-                    raise
+                runs[name].get()
             return joined
 
         for name in tests:

@@ -664,6 +664,11 @@ class Units(unittest.TestCase):
         with mock.patch.object(shutdown, "aside", side_effect=lambda _: one._mouth.close()) as aside, one._ears:
             one.run()
         aside.assert_called_once()
+        other = shutdown.Closer()
+        with other._ears, other._mouth as mouth:
+            mouth.send(b"\0")  # whoever writes there, that is no signal's number
+            mouth.shutdown(socket.SHUT_WR)
+            other.run()
 
     def test_hooks_of_the_program_run_once_whatever_they_raise_and_what_comes_later_is_not_theirs(self):
         def hook():

@@ -233,7 +233,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     def get_result(self) -> Any:
         """Returns the result, or None as long as get_state() is PENDING or ACTIVE: active_cb may run when it comes."""
         goal = self.__goal()
-        return None if goal and goal.simple_state != SimpleGoalState.DONE else super().get_result()
+        return None if goal and goal.state != CommState.DONE else super().get_result()
 
     def get_failure(self) -> Optional[str]:
         """Returns None if the goal SUCCEEDED, else why not (str): its state and the server's words, or why the server

@@ -134,7 +134,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         self.__end(super().set_aborted, result, text or "the server gave up")
 
     def set_preempted(self, result: Optional[genpy.Message] = None, text: str = "") -> None:
-        """End the goal because it was asked to stop. If only the shutdown has, no client, it ends ABORTED."""
+        """End the goal because it was asked to stop: on shutdown ABORTED, unless a client has cancelled it before."""
         if self.__shutting_down and self.current_goal.get_goal_status().status != GoalStatus.PREEMPTING:
             self.__end(super().set_aborted, result, "%s: %s" % (SHUTTING_DOWN, text) if text else SHUTTING_DOWN)
         else:

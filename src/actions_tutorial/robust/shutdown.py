@@ -169,7 +169,8 @@ class Closer(threading.Thread):
                 return
             with contextlib.suppress(OSError):  # whoever was there before, if anybody, hears of all signals
                 os.write(self._fd_before, bytes(number for number in told if number != _END))
-            if _END in told or any(signal.getsignal(number) == self._heed for number in told):
+            if _END in told or any(number in self._before and signal.getsignal(number) == self._heed
+                                   for number in told):
                 # Not at python's prompt, which goes on without the node.
                 if not self._deadline and not hasattr(sys, "ps1") and not sys.flags.interactive:
                     self._deadline = time.monotonic() + KILLED_AFTER
