@@ -236,6 +236,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         if stubborn:
             rospy.logwarn("%s: the server ended goals that did not stop within %g s", self.__name,
                           shutdown.GOALS_END_WITHIN)
+        self.need_to_terminate = True  # the thread of execute_cb ends, for which Python waits before it comes to atexit
 
     def __ask_to_stop(self):
         with self.action_server.lock, self.execute_condition:
