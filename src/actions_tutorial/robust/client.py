@@ -233,6 +233,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     def get_result(self) -> Any:
         """Returns the result, or None as long as get_state() is PENDING or ACTIVE: active_cb may run when it comes."""
         goal = self.__goal()
+        # Not simple_state, as there: a subclass may ask in a _handle_transition of its own.
         return None if goal and goal.state != CommState.DONE else super().get_result()
 
     def get_failure(self) -> Optional[str]:
