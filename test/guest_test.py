@@ -599,6 +599,21 @@ rospy.signal_shutdown("done")
                 node = program(master, code, stdout=full)
             self.assertEqual((status, 1), (node.wait(), node.stderr.count("cannot write to stdout")), node)
 
+    def test_log_that_the_program_has_configured_stays_and_complains_of_nothing_while_a_node_starts(self, master):
+        configuration = os.path.join(master.home, "log.yaml")
+        with open(configuration, "w") as file:
+            file.write("{version: 1, disable_existing_loggers: false, handlers: {own: {class: __main__.Own}},"
+                       " root: {level: INFO, handlers: [own]}}")
+        self.says(master, """
+class Own(logging.Handler):
+    def emit(self, line):
+        if line.name in ("rospy.client", "rosout"):
+            print(line.name, logging.raiseExceptions, "emit" in vars(self))
+
+robust.init_node("guest")
+rospy.logwarn("a bowl")
+""", "rospy.client False False", "rosout True False", head=HEAD, ROS_PYTHON_LOG_CONFIG_FILE=configuration)
+
     def test_lines_stand_in_the_order_in_which_they_were_printed_and_logged_and_all_are_in_the_log_file(self, master):
         node = program(master, """
 robust.shutdown.LOG_WITHIN, robust.log._others._pause = 20, 1  # s; the program's end comes sooner
