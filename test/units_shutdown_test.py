@@ -104,9 +104,11 @@ class ShutdownUnits(UnitCase):
             shutdown.at_end(forgotten.end)
             del forgotten  # since
             shutdown._end_all_goals()
-            with mock.patch.object(time, "sleep") as sleep:
-                rospy.core._client_shutdown_hooks[-1]()  # which waits for them
-            sleep.assert_called_once_with(shutdown.SENT_WITHIN)
+            for something in {}, {"unfinished": ["a goal"]}, {"servers": ["a server"]}:
+                with mock.patch.object(time, "sleep") as sleep, mock.patch.multiple(
+                        shutdown, **dict({"unfinished": []}, **something)):
+                    rospy.core._client_shutdown_hooks[-1]()  # which waits for them, and for what they have sent
+                self.assertEqual([mock.call(shutdown.SENT_WITHIN)] * len(something), sleep.mock_calls)
             caller, called = log._Caller(0), threading.Event()
             caller.call(print)  # nor does the log fail
         caller.call(called.set)

@@ -41,7 +41,7 @@ HELD_FOR = 0.2  # s that the main thread stands still after the hooks; the goals
 
 _END = 255  # beside the numbers of signals, what Closer can be told
 
-unfinished: weakref.WeakSet = weakref.WeakSet()  # while there is any, a node that is killed has exit status 1, not 0
+unfinished: weakref.WeakSet = weakref.WeakSet()  # goals, say; with any, a node that is killed has exit status 1, not 0
 servers: weakref.WeakSet = weakref.WeakSet()  # those of this node (server.py, _ActionServer)
 hooks_thread = None  # the number of the thread that runs the hooks, when the node ends; -1: they have run in main
 _endings: dict = {}  # weakref.WeakMethod by the id of its object, which may be unhashable
@@ -89,7 +89,8 @@ def _end_all_goals():
         for thread in threads:
             if thread.ident:
                 thread.join(deadline + SENT_WITHIN - time.monotonic())
-        time.sleep(SENT_WITHIN)
+        if unfinished or servers:  # else nothing was sent
+            time.sleep(SENT_WITHIN)
 
     if threads:
         rospy.on_shutdown(wait)  # rospy comes to it when the other hooks have run
