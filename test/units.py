@@ -116,10 +116,10 @@ class UnitCase(unittest.TestCase):
         """Gives it its topics, and a timer that does not run. The last message is in NAME_pub.impl.latch."""
         rospy.core.set_initialized(True)
         action_server.status_timer = rospy.Timer.__new__(rospy.Timer)
-        action_server.goal_sub = rospy.Subscriber("work/goal", TestActionGoal)
-        action_server.cancel_sub = rospy.Subscriber("work/cancel", GoalID)
-        for topic, message in (("status", GoalStatusArray), ("feedback", TestActionFeedback),
-                               ("result", TestActionResult)):
-            publisher = rospy.Publisher("work/" + topic, message, latch=True, queue_size=1)
-            setattr(action_server, topic + "_pub", publisher)
-            self.addCleanup(publisher.unregister)
+        for name, topic in (("goal_sub", rospy.Subscriber("work/goal", TestActionGoal)),
+                            ("cancel_sub", rospy.Subscriber("work/cancel", GoalID)),
+                            *((name + "_pub", rospy.Publisher("work/" + name, message, latch=True, queue_size=1))
+                              for name, message in (("status", GoalStatusArray), ("feedback", TestActionFeedback),
+                                                    ("result", TestActionResult)))):
+            setattr(action_server, name, topic)
+            self.addCleanup(topic.unregister)
