@@ -325,13 +325,13 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     def __server_lives(self) -> bool:
         """Without it, a server is lost whose callback for goals takes its time: that holds the lock that a status needs
         (actionlib/action_server.py, internal_goal_callback)."""
-        status, topic = self.action_client.last_status_msg, self.action_client.status_sub.impl
-        # The connection has its address: the master may be gone. No topic: the client was stopped.
-        for connection in status and topic and topic.connections or ():
-            with contextlib.suppress(*NO_ANSWER):
-                if connection.callerid_pub == status._connection_header["callerid"] and \
-                        ask(connection.endpoint_id, "getPid"):
-                    return True
+        client = self.action_client
+        with contextlib.suppress(AttributeError):  # it never spoke, or the client was stopped or even taken apart
+            for connection in client.status_sub.impl.connections:  # which has its address: the master may be gone
+                with contextlib.suppress(*NO_ANSWER):
+                    if connection.callerid_pub == client.last_status_msg._connection_header["callerid"] and \
+                            ask(connection.endpoint_id, "getPid"):
+                        return True
         return False
 
     def __end_goal(self, deadline: float) -> None:
