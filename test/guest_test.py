@@ -610,9 +610,12 @@ class Own(logging.Handler):
         if line.name in ("rospy.client", "rosout"):
             print(line.name, logging.raiseExceptions, "emit" in vars(self))
 
+earlier = logging.StreamHandler(io.StringIO())
+logging.getLogger("rosout").addHandler(earlier)
 robust.init_node("guest")
 rospy.logwarn("a bowl")
-""", "rospy.client False False", "rosout True False", head=HEAD, ROS_PYTHON_LOG_CONFIG_FILE=configuration)
+print("emit" in vars(earlier))
+""", "rospy.client False False", "rosout True False", "False", head=HEAD, ROS_PYTHON_LOG_CONFIG_FILE=configuration)
 
     def test_lines_stand_in_the_order_in_which_they_were_printed_and_logged_and_all_are_in_the_log_file(self, master):
         node = program(master, """

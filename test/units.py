@@ -105,7 +105,8 @@ class UnitCase(unittest.TestCase):
         return one
 
     def server(self):
-        """Returns a server that serves, but to which nobody listens; see advertise()."""
+        """Returns a server that serves, but to which nobody listens. Several have the same topics, as in any node; what
+        was sent last on one is in action_server.NAME_pub.impl.latch."""
         one = robust.SimpleActionServer("work", TestAction, auto_start=False)
         one.lock = threading.Lock()  # as a subclass may have for data of its own
         one.action_server.started = True
@@ -113,7 +114,7 @@ class UnitCase(unittest.TestCase):
         return one
 
     def advertise(self, action_server):
-        """Gives it its topics, and a timer that does not run. The last message is in NAME_pub.impl.latch."""
+        """Gives it its topics, and a timer that does not run."""
         rospy.core.set_initialized(True)
         action_server.status_timer = rospy.Timer.__new__(rospy.Timer)
         for name, topic in (("goal_sub", rospy.Subscriber("work/goal", TestActionGoal)),

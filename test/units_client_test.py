@@ -181,6 +181,11 @@ class ClientUnits(UnitCase):
             one._SimpleActionClient__registered = registered
             with mock.patch.object(client, "ask_node", return_value=connections):
                 self.assertEqual(is_there, one._SimpleActionClient__is_connected(), connections)
+        one._SimpleActionClient__registered = time.monotonic()
+        for publisher in one.action_client.pub_goal, one.action_client.pub_cancel:
+            with mock.patch.object(client, "ask_node", return_value=here), \
+                    mock.patch.object(publisher.impl, "connections", [Connection("/other")]):
+                self.assertFalse(one._SimpleActionClient__is_connected(), "it does not hear of goals, or of cancels")
         one._SimpleActionClient__silent = one.action_client.last_status_msg  # since the server is lost
         self.assertFalse(one._SimpleActionClient__is_connected())
 

@@ -20,7 +20,6 @@ from rosgraph.roslogging import LoggingException, RosStreamHandler
 
 from actions_tutorial.robust import log, shutdown, stdout
 from processes import eventually
-
 from units import UnitCase, closer
 
 

@@ -15,7 +15,6 @@ from rospy.impl import registration, tcpros_base
 
 from actions_tutorial.robust import internals, peers
 from processes import eventually
-
 from units import UnitCase
 
 

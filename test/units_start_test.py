@@ -26,7 +26,6 @@ from actionlib_msgs.msg import GoalStatus
 from actions_tutorial import robust
 from actions_tutorial.robust import internals, node, peers, shutdown
 from processes import eventually
-
 from units import UnitCase
 
 STANDS_FOR = {name: getattr(rospy if hasattr(rospy, name) else actionlib, name)

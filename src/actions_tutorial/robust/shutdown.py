@@ -89,8 +89,8 @@ def _end_all_goals():
         for thread in threads:
             if thread.ident:
                 thread.join(deadline + SENT_WITHIN - time.monotonic())
-        if unfinished or servers:  # else nothing was sent
-            time.sleep(SENT_WITHIN)
+        # The ending of a goal may be large; whatever else was sent, such as a goal that is to go on, is soon gone.
+        time.sleep(SENT_WITHIN if unfinished or servers else SENT_WITHIN / 5)
 
     if threads:
         rospy.on_shutdown(wait)  # rospy comes to it when the other hooks have run
