@@ -42,7 +42,8 @@ class Process:
     """A command (list of str) in a process group of its own, with env (dict of str) added to the environment; popen: of
     subprocess.Popen. lines: [(s since the start, "stdout" or "stderr", text)], as they come; usage: psutil.Process."""
 
-    starting = threading.Lock()
+    starting = threading.Lock()  # held while anything comes that is not to be left behind
+    left = set()  # those that are not killed yet
     _kept = []  # sockets, of all processes together
 
     def __init__(self, command, env=None, **popen):
@@ -51,9 +52,7 @@ class Process:
         with self.starting:
             self._popen = subprocess.Popen(command, env=dict(os.environ, **env or {}), start_new_session=True,
                                            universal_newlines=True, errors="replace", **options)
-            atexit.register(self._kill)  # a test that is interrupted leaves none behind either
-            atexit.unregister(self.starting.acquire)
-            atexit.register(self.starting.acquire)  # first of all: tests that still run start no more
+            self.left.add(self)
         self.usage = psutil.Process(self._popen.pid)
         self._readers = [threading.Thread(target=self._read, args=[name, pipe], daemon=True) for name, pipe in (
             ("stdout", self._popen.stdout), ("stderr", self._popen.stderr)) if pipe]
@@ -102,18 +101,18 @@ class Process:
         with contextlib.suppress(psutil.Error):  # it has ended
             ports = [one.laddr.port for one in getattr(self.usage, "net_connections", self.usage.connections)("tcp4")
                      if one.status == psutil.CONN_LISTEN]  # psutil 6 gave it another name
-        self._kill()
+        self.kill()
         self.wait()
         for port in ports:
             with contextlib.suppress(OSError):  # a child that is out of the group has it, too
                 self._kept.append(bound_socket(port))
 
-    def _kill(self):
+    def kill(self):
         # Once it has ended and nothing is left of its group, the system may give its number to a stranger, who lives.
         if self.running() or not psutil.pid_exists(self._popen.pid):
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(self._popen.pid, signal.SIGKILL)
-        atexit.unregister(self._kill)
+        self.left.discard(self)
 
     def _read(self, name, pipe):
         with pipe:
@@ -210,11 +209,14 @@ class Group:
 class Master(Group):
     """A rosmaster on a free port, with files of its own, and the processes that run on it; process: the master's."""
 
+    homes = []  # folders, of all masters together
+
     def __init__(self, _=None):
         self._port = bound_socket()
         self.uri = "http://localhost:%d" % self._port.getsockname()[1]
-        self.home = tempfile.mkdtemp(prefix="actions_tutorial-")
-        atexit.register(shutil.rmtree, self.home, ignore_errors=True)
+        with Process.starting:
+            self.home = tempfile.mkdtemp(prefix="actions_tutorial-")
+            self.homes.append(self.home)
         super().__init__(ROS_MASTER_URI=self.uri, ROS_HOSTNAME="localhost", ROS_IP="", ROS_NAMESPACE="",
                          ROS_HOME=self.home, ROS_LOG_DIR=os.path.join(self.home, "log"))
         self.run()
@@ -246,3 +248,13 @@ class Master(Group):
             return "no %s" % log
         with open(log) as file:
             return "%s:\n%s" % (log, file.read()[-4000:])
+
+
+@atexit.register
+def leave_nothing():
+    """A test that is interrupted leaves no process and no folder behind either."""
+    Process.starting.acquire()  # tests that still run start no more
+    for process in list(Process.left):
+        process.kill()
+    for home in Master.homes:
+        shutil.rmtree(home, ignore_errors=True)
