@@ -64,6 +64,8 @@ def catch_up():
 def show():
     """Write the lines of soon() to the terminal, now, in the form that rospy's handler has by default. /rosout and the
     file get them at the next catch_up(). Without it, a first feedback waits 0.3 ms for rospy's own way to a line."""
+    if not _soon:
+        return
     terminal = next((one for one in _taken if isinstance(one, RosStreamHandler)), None)
     if not terminal or "ROSCONSOLE_FORMAT" in os.environ or not rospy.rostime.is_wallclock() or \
             not logging.getLogger("rosout").isEnabledFor(logging.INFO) or logging.INFO < terminal.level:
@@ -243,10 +245,8 @@ def _with_text(record):
 
 
 def _takes_a_line(stream):
-    with contextlib.suppress(AttributeError, OSError, ValueError):  # no file of the system's
-        poll = select.poll()
-        poll.register(stream.fileno(), select.POLLOUT)
-        return bool(poll.poll(0))
+    with contextlib.suppress(AttributeError, OSError, TypeError, ValueError):  # no file of the system's
+        return bool(select.select((), (stream,), (), 0)[1])
     return True
 
 

@@ -6,8 +6,6 @@ from typing import Callable
 
 import rospy
 
-from .internals import need
-
 _wakes = 0  # calls of wake()
 
 
@@ -22,8 +20,6 @@ class Rate(rospy.Rate):
     def __init__(self, hz: float, stop_requested: Callable[[], bool]) -> None:
         super().__init__(hz)
         self.last_time: rospy.Time
-        need("rospy", self, "last_time", "sleep_dur", "remaining")
-        need("rospy", rospy.rostime, "get_rostime_cond", "is_wallclock")
         self._stop_requested = stop_requested
 
     def sleep(self) -> bool:

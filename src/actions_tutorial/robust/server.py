@@ -212,8 +212,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             if not self.action_server.started or goal is not self.current_goal:  # a newer one was accepted meanwhile
                 return
             was_active = self.is_active()
-            with self.action_server.status_later(threading.current_thread() is self.execute_thread):
-                set_state(result, _sendable(text))
+            self.action_server.with_status_later(
+                threading.current_thread() is self.execute_thread, set_state, result, _sendable(text))
         if was_active:
             status = goal.status_tracker.status
             self.__log(lambda: "%s: goal %s: %s" % (self.__name, name_of(status.status), log.printable(status.text)))
@@ -302,7 +302,8 @@ class _ActionServer(actionlib.ActionServer):
     def initialize(self):
         """Check what may be wrong, mend the connections, begin. Without it, a parameter of a wrong type is a TypeError
         that names none."""
-        rate.Rate(1, bool)  # a rospy that lacks what we need fails now, not in the middle of a goal
+        need("rospy", rospy.rostime, "get_rostime_cond", "is_wallclock")  # now, not in the middle of a goal
+        need("rospy", rospy.Rate(1), "last_time", "sleep_dur", "remaining")
         peers.serve_all_peers()
         ns = rospy.remap_name(self.ns)
         frequency = rospy.search_param("actionlib_status_frequency") or "actionlib_status_frequency"
@@ -334,13 +335,13 @@ class _ActionServer(actionlib.ActionServer):
             super().publish_status_async(event)
         log.catch_up()
 
-    @contextlib.contextmanager
-    def status_later(self, later=True):
-        """Within it, a status waits for the next one, if later (bool): else all get it before one gets the result."""
+    def with_status_later(self, later, function, *args):
+        """Call function(*args). A status of it waits for the next one, if later (bool): else all get it before one gets
+        the result."""
         with self.lock:
             before, self._later = self._later, later
             try:
-                yield
+                function(*args)
             finally:
                 self._later = before
 
@@ -383,8 +384,7 @@ class _ActionServer(actionlib.ActionServer):
 
     def internal_cancel_callback(self, goal_id):
         try:
-            with self.status_later():
-                super().internal_cancel_callback(goal_id)
+            self.with_status_later(True, super().internal_cancel_callback, goal_id)
         finally:  # a callback of the program's may raise
             rate.wake()
             # Without it, whoever waits for PREEMPTING waits for the heartbeat, on the ROS clock.
