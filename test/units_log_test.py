@@ -124,7 +124,7 @@ class LogUnits(UnitCase):
         with contextlib.redirect_stderr(io.StringIO()) as complaints, mock.patch.object(log, "_taken", []):
             log.hold_nobody_up([handler, terminal])
             sources.addHandler(handler)
-            handler.stream = io.StringIO()
+            handler.setStream(io.StringIO()).close()
             for number in range(2):
                 sources.warning("two words", number)  # as a wrong line of a library that its author never saw
             eventually(lambda: handler.stream.getvalue().count("\n") == 2, "both lines")
