@@ -15,14 +15,14 @@ LAUNCH = "actions_tutorial", "wash_the_dishes.launch"
 # Runs a node, a file (str), that is held up for a second: at the first, second, … (int) of Python's audit events of a
 # name (str), counted from when robust begins its imports.
 HELD_UP = """
-import runpy, sys, time
+import os, runpy, sys, time
 seen = 0
 def hold(event, args):
     global seen
     if event == %r and "actionlib" in sys.modules:
         seen += 1
         if seen == %d:
-            print("here", flush=True)
+            os.write(1, b"here\\n")  # print has a lock, which a thread may hold as Python ends
             time.sleep(1)
 sys.addaudithook(hold)
 runpy.run_path(%r, run_name="__main__")
