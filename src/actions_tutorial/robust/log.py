@@ -245,8 +245,10 @@ def _with_text(record):
 
 
 def _takes_a_line(stream):
-    with contextlib.suppress(AttributeError, OSError, TypeError, ValueError):  # no file of the system's
-        return bool(select.select((), (stream,), (), 0)[1])
+    with contextlib.suppress(AttributeError, OSError, ValueError):  # no file of the system's
+        poll = select.poll()  # select() knows no file above 1023
+        poll.register(stream.fileno(), select.POLLOUT)
+        return bool(poll.poll(0))
     return True
 
 
