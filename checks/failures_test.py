@@ -89,6 +89,7 @@ def test_no_command_or_an_unknown_one_prints_the_usage(machine):
         ("no master", "'local:1', must be like http", "demo", dict(ROS_MASTER_URI="local:1"), None),
         ("no sudo", "no sudo to install .*apt-get install", "demo", {}, None),
         ("a space", "set TUTORIAL_WS", "demo", dict(ROOTS, TUTORIAL_WS="/srv/a ws"), None),
+        ("in the checkout", "set TUTORIAL_WS", "demo", dict(ROOTS, TUTORIAL_WS=CHECKOUT + "/ws"), None),
         ("not to be written", "set TUTORIAL_WS", "demo", dict(ROOTS, TUTORIAL_WS="/proc/workspace"), None),
         ("somebody else's, demo", "set TUTORIAL_WS", "demo", dict(ROOTS, TUTORIAL_WS="/home"), None),
         ("somebody else's, clean", "not a folder that", "clean", dict(ROOTS, TUTORIAL_WS="/home"), None),

@@ -271,15 +271,20 @@ asyncio.run(main())
                           "threading.Timer(0.5, send, ['INT']).start()\nrospy.spin()\nprint(state())",
                   "KeyboardInterrupt() up", "down", head=HEAD)
 
-    def test_ctrl_c_at_python_s_prompt_and_before_it_ends_the_node_and_not_the_prompt(self, master):
+    def test_ctrl_c_at_python_s_prompt_or_its_debugger_s_and_before_it_ends_the_node_and_not_the_prompt(self, master):
         code = "import rospy, time; from actions_tutorial import robust; robust.init_node('guest'); print('re' + 'ady')"
         env = dict(os.environ, HOME=master.home, PYTHON_BASIC_REPL="1", **master.env)  # a prompt writes its history
         wrong = "import rospy; from actions_tutorial import robust; robust.init_node('guest', ['', 'a:=b:=c'])"
-        for arguments, typed in ([], [wrong, code]), (["-i", "-c", code + "; rospy.spin()"], []):
+        with open(os.path.join(master.home, "debugged.py"), "w") as debugged:
+            debugged.write(code + "\nwhile True:\n    time.sleep(0.1)")
+        for shown, typed, *arguments in (
+                ("ready", [wrong, code]), ("ready", [], "-i", "-c", code + "; rospy.spin()"),
+                ("ready.*[(]Pdb", [], "-c", code + "; breakpoint()"),
+                ("ready", [], "-m", "pdb", "-c", "continue", debugged.name)):
             with contextlib.closing(pexpect.spawn("/usr/bin/python3", arguments, env=env)) as prompt:
                 for line in typed:
                     prompt.sendline(line)
-                prompt.expect("ready")
+                prompt.expect("(?s)" + shown)
                 prompt.sendintr()
                 prompt.sendline("time.sleep(3); 'down: %s' % rospy.is_shutdown()")
                 prompt.expect("down: True")
@@ -325,6 +330,7 @@ def report(status):
     known = rosgraph.Master("/test").getSystemState() == before
     print(status, state(), GoalStatus.to_string(client.get_state()), known)
 
+from actions_tutorial.msg import WashTheDishesGoal
 signal.signal(signal.SIGHUP, print)
 fork, spawn = map(multiprocessing.get_context, ("fork", "spawn"))
 done, started, forked, writes, lock = (
@@ -345,6 +351,7 @@ if not child:
 report(os.waitpid(child, 0)[1] >> 8)
 for child, is_ready in (
         (fork.Process(target=speak), None), (fork.Process(target=speak_in_vain), None),
+        (spawn.Process(target=WashTheDishesGoal), None),  # finds the messages beside the modules
         (fork.Process(target=work), started.is_set),
         # A signal before the exec is lost, whoever has a handler for it (until Python 3.10). Until then the arguments
         # are this program's.
@@ -368,7 +375,7 @@ done.set()
 client.wait_for_result(rospy.Duration(10))
 print(GoalStatus.to_string(client.get_state()))
 rospy.signal_shutdown("done")
-""", "0", "child prints", "3 " + kept, "child prints", "0 " + kept, "0 " + kept, "child prints",
+""", "0", "child prints", "3 " + kept, "child prints", *["0 " + kept] * 3, "child prints",
                          *["-15 " + kept] * 3, "SUCCEEDED")
         self.assertEqual(3, node.stderr.count("[WARN] child logs\n"), node)
         self.assertEqual(3, log_file(master).count("child logs"), node)

@@ -102,9 +102,9 @@ class RawServer:
         self._send("feedback", wait, status=GoalStatus(goal_id=GoalID(id=goal_id), status=GoalStatus.ACTIVE),
                    feedback=WashTheDishesFeedback(bowl))
 
-    def result(self, goal_id, state=GoalStatus.SUCCEEDED, count=1, wait=True):
+    def result(self, goal_id, state=GoalStatus.SUCCEEDED, count=1, wait=True, text=""):
         """End a goal with count bowls."""
-        self._send("result", wait, status=GoalStatus(goal_id=GoalID(id=goal_id), status=state),
+        self._send("result", wait, status=GoalStatus(GoalID(id=goal_id), state, text),
                    result=WashTheDishesResult(bowls(count)))
 
     def _send(self, topic, wait, **fields):

@@ -122,6 +122,9 @@ class Reports(NodeCase):
         self.assertIn("ACTIVE", raw.client.get_failure())
         self.ends(raw, goal, ABORTED)
         self.assertEqual("goal ABORTED: the server does not say why", raw.client.get_failure())
+        raw.result(raw.send(), ABORTED, text="\x1b[2J\nfake")
+        self.ends(raw, state=ABORTED)
+        self.assertEqual(r"goal ABORTED: \x1b[2J\nfake", raw.client.get_failure(), "which is to be shown")
         self.ends(raw, raw.send())
         for topic in "result", "feedback":
             self.assertIsNone(raw.client.get_failure(), topic)

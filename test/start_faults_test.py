@@ -61,6 +61,10 @@ class StartFaults(unittest.TestCase):
                 ("_server_timeout:=2147483648", "~server_timeout is 2147483648, must be"),  # which no master takes
                 ("_heartbeat_timeout:=0", "~heartbeat_timeout is 0, must be a number from 0.1")):
             self.refused(master.node("action_client.py", "wash_dishes_as:=other", argument), 2, words)
+        with_default = master.start("/usr/bin/python3", "-c", "from actions_tutorial import robust; "
+                                    "robust.init_node('node'); robust.get_param('n', 10, highest=9)")
+        self.assertEqual(1, with_default.wait(), with_default)
+        self.assertRegex(with_default.stderr, "ValueError: n is 10, must be a whole number to 9\n", with_default)
         master.api.setParam("/action_client/heartbeat_timeout", "long")
         self.refused(master.node("action_client.py"), 2, "~heartbeat_timeout is 'long', must be a number from 0.1",
                      "from the parameter server; `rosparam delete /action_client`")

@@ -8,6 +8,7 @@ import socket
 import sys
 import threading
 import time
+import types
 import weakref
 from concurrent.futures import ThreadPoolExecutor
 from unittest import mock
@@ -151,9 +152,9 @@ class ShutdownUnits(UnitCase):
     def test_node_that_leaves_the_signals_to_python_ends_when_told(self):
         one = shutdown.Closer()
         one.close()
-        with mock.patch.object(shutdown, "aside", side_effect=lambda _: one._mouth.close()) as aside, one._ears:
+        with mock.patch.object(shutdown, "aside", side_effect=lambda *_: one._mouth.close()) as aside, one._ears:
             one.run()
-        aside.assert_called_once()
+        aside.assert_called_once_with(one._shut_down, False)  # which is not to wait for a signal to be heard
         other = shutdown.Closer()
         with other._ears, other._mouth as mouth:
             mouth.send(b"\0")  # whoever writes there, that is no signal's number
@@ -251,10 +252,30 @@ class ShutdownUnits(UnitCase):
             self.assertTrue(one._closed.is_set())
 
     def test_node_whose_main_thread_does_not_hear_ends_all_the_same(self):
-        with closer() as one, mock.patch.multiple(shutdown, HEARD_WITHIN=0, KILLED_AFTER=0):
-            one._deadline = time.monotonic()
-            one._shut_down()
-        self.assertTrue(rospy.is_shutdown())
+        for by_signal, heard, hooks in (
+                (True, None, []), (False, None, [self.id]), (True, signal.SIGTERM, [self.id])):
+            with closer() as one, mock.patch.multiple(shutdown, HEARD_WITHIN=0, HOOKS_WITHIN=60, KILLED_AFTER=0):
+                rospy.core._in_shutdown = rospy.core._shutdown_flag = False
+                rospy.core._client_shutdown_hooks[:] = [one._begin, *hooks]
+                one._deadline, one._heard = time.monotonic(), heard
+                one._shut_down(by_signal)
+                self.assertLess(time.monotonic() - one._deadline, 30, "s, with nothing to wait for")
+            self.assertTrue(rospy.is_shutdown())
+
+    def test_hooks_wait_a_while_for_a_main_thread_that_is_late_but_no_goal_does(self):
+        def end_goal(*_):
+            ran.append(shutdown.hooks_thread)
+
+        ran = []
+        with closer() as one, mock.patch.multiple(shutdown, HEARD_WITHIN=0, HOOKS_WITHIN=30), \
+                mock.patch.object(shutdown.Closer, "ident", 1):
+            shutdown.at_end(types.MethodType(end_goal, self))
+            rospy.on_shutdown(lambda: ran.append(threading.current_thread()))
+            thread = shutdown.aside(one._shut_down, True)
+            eventually(lambda: ran, "a goal's end")
+            signal.raise_signal(signal.SIGTERM)
+            thread.join()
+        self.assertEqual(([-1, threading.main_thread()], True), (ran, rospy.is_shutdown()))
 
     def test_who_hears_of_a_goal_that_the_shutdown_ended_waits_for_that_but_hooks_and_goals_of_servers_do_not(self):
         for shutdown.hooks_thread, unended, waits in (

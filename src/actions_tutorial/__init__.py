@@ -1,1 +1,5 @@
 """The Python modules that the nodes in scripts/ share."""
+from pkgutil import extend_path
+
+# catkin puts this folder before the one with the messages into sys.path, which a child of multiprocessing inherits.
+__path__ = extend_path(__path__, __name__)

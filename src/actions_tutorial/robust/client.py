@@ -247,7 +247,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             return None
         text = self.get_goal_status_text() or (
             "no ending so far" if state in (GoalStatus.PENDING, GoalStatus.ACTIVE) else "the server does not say why")
-        return "goal %s: %s" % (name_of(state), text)
+        return "goal %s: %s" % (name_of(state), log.printable(text))
 
     def __goal(self) -> Any:
         """Returns the goal that is tracked (_Goal), or None, as for a handle that the program itself has made."""

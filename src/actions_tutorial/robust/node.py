@@ -94,7 +94,8 @@ def _check(name, arguments, usage, parameters):
         sys.exit(0)
     with _exit_status_2():
         if usage:
-            check_arguments(arguments, list(parameters))
+            given = dict(argument.partition(":=")[::2] for argument in arguments)
+            check_arguments(arguments, list(parameters), given.get("__name", name))
         values = get_params(parameters)
     # Without it, what is wrong is said in words such as "too many values to unpack".
     for argument in arguments:

@@ -51,7 +51,7 @@ def _get(param_name, default, lowest, highest, checks=True):
             must_be += " %s %.12g" % (word, limit)
     if any(argument.startswith("__log:=") for argument in sys.argv):  # which only roslaunch gives
         must_be += "; this one is from the launch"
-    elif started and param_name not in given:  # ROS keeps the parameters of earlier runs
+    elif started and param_name not in given and value is not default:  # ROS keeps the parameters of earlier runs
         must_be += "; this one is from the parameter server; `rosparam delete %s`" % (
             rospy.get_name() if own else rospy.resolve_name(param_name))
     raise ValueError("%s is %r, must be %s" % (param_name, value, must_be))
@@ -62,9 +62,9 @@ def get_params(table):
     return tuple(_get(name, *row) for name, row in table.items())
 
 
-def check_arguments(arguments, known):
-    """Raises ValueError for one (str) that sets none of the known private parameters ([~NAME]) and is nothing that ROS
-    knows. Without it, ROS takes a misspelt parameter, and `name:=3` for a topic that is renamed to 3."""
+def check_arguments(arguments, known, node):
+    """Raises ValueError for one (str) that sets none of the known private parameters ([~NAME]) of node (str) and is
+    nothing that ROS knows. Without it, ROS takes a misspelt parameter, and `name:=3` for a topic renamed to 3."""
     for argument in arguments:
         name, _, value = argument.partition(":=")
         if ":=" in value or not value or not rosgraph.names.is_legal_remap(argument):
@@ -73,8 +73,9 @@ def check_arguments(arguments, known):
         if name[0] == "_" and name not in _ROS_S_OWN and "~" + name[1:] not in known:
             raise ValueError("unknown parameter ~%s, must be one of %s%s" % (
                 name[1:], ", ".join(known), "; __name:=VALUE names the node" if name == "_name" else ""))
-        if "~" + name.lstrip("~/") in known:
-            raise ValueError("%r renames a topic, must be _%s to set the parameter" % (argument, argument.lstrip("~/")))
+        last = name.rpartition("/")[2].lstrip("~")
+        if "~" + last in known and (name.lstrip("~/") == last or ("/" + name).endswith("/%s/%s" % (node, last))):
+            raise ValueError("%r renames a topic, must be _%s:=%s to set the parameter" % (argument, last, value))
 
 
 def _from_command_line(param_name):

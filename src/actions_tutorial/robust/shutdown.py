@@ -4,7 +4,8 @@
 Who may take how long, from the moment that a signal or `rosnode kill` tells the node to end:
 
     0 to 1.0 s  goals end, all of them side by side: the servers' own, and those that the clients sent. Meanwhile the
-                program's own hooks (rospy.on_shutdown) run
+                program's own hooks (rospy.on_shutdown) run: of a signal in the main thread, or in another one
+      at 0.6 s  if that has not heard of it
       to 1.1 s  rospy's threads send what has been published
       to 1.5 s  the node takes leave of the master, which may take 0.5 s for each answer
       to 1.7 s  lines of log are written
@@ -36,15 +37,18 @@ SENT_WITHIN = 0.1  # s more: rospy sends from threads of its own, which cannot b
 CLOSED_WITHIN = 1.5
 KILLED_AFTER = 1.8
 LOG_WITHIN = 0.2  # s for itself
-HEARD_WITHIN = 0.1  # s in which the main thread may hear a signal and run the hooks; then a thread does
+HEARD_WITHIN = 0.1  # s in which the main thread may hear a signal and run the hooks; then goals end without it
+HOOKS_WITHIN = 0.6  # s, and then the hooks run without it; a GUI's loop gets round to signals twice a second, say
 HELD_FOR = 0.2  # s that the main thread stands still after the hooks; the goals that are still ending may need it then
 
 _END = 255  # beside the numbers of signals, what Closer can be told
 
 unfinished: weakref.WeakSet = weakref.WeakSet()  # goals, say; with any, a node that is killed has exit status 1, not 0
 servers: weakref.WeakSet = weakref.WeakSet()  # those of this node (server.py, _ActionServer)
-hooks_thread = None  # the number of the thread that runs the hooks, when the node ends; -1: they have run in main
+hooks_thread = None  # the number of the thread that runs the hooks, when the node ends; -1: none yet, or any more
 _endings: dict = {}  # weakref.WeakMethod by the id of its object, which may be unhashable
+_enders: list = []  # (thread, deadline), of each ending that has begun
+_begins = threading.Lock()
 
 
 def at_end(end_goals):
@@ -75,24 +79,27 @@ def aside(function, *args):
     return thread
 
 
-def _end_all_goals():
+def _begin_to_end_goals(thread):
     global hooks_thread
-    hooks_thread = threading.get_ident()
-    deadline = time.monotonic() + GOALS_END_WITHIN
-    threads = []
-    while _endings:
-        end_goals = _endings.popitem()[1]()
-        if end_goals:
-            threads.append(aside(end_goals, deadline))
+    hooks_thread, deadline = thread, time.monotonic() + GOALS_END_WITHIN
+    with _begins:
+        while _endings:
+            end_goals = _endings.popitem()[1]()
+            if end_goals:
+                _enders.append((aside(end_goals, deadline), deadline))
+
+
+def _end_all_goals():
+    _begin_to_end_goals(threading.get_ident())
 
     def wait():
-        for thread in threads:
+        for thread, deadline in _enders:
             if thread.ident:
                 thread.join(deadline + SENT_WITHIN - time.monotonic())
         # The ending of a goal may be large; whatever else was sent, such as a goal that is to go on, is soon gone.
         time.sleep(SENT_WITHIN if unfinished or servers else SENT_WITHIN / 5)
 
-    if threads:
+    if _enders:
         rospy.on_shutdown(wait)  # rospy comes to it when the other hooks have run
 
 
@@ -100,6 +107,13 @@ def _callbacks_run():
     """Returns whether callbacks may be at work: threads that wait for a peer's messages end with the node."""
     return any(isinstance(one, rospy.Timer) or getattr(getattr(one, "_target", None), "__name__", None) in (
         "robust_connect_subscriber", "handle") for one in threading.enumerate())
+
+
+def _is_interactive():
+    """Returns whether somebody is at Python's prompt or in a debugger, which go on without the node."""
+    stacks = map(traceback.walk_stack, sys._current_frames().values())
+    return hasattr(sys, "ps1") or sys.flags.interactive or any(
+        frame.f_globals.get("__name__") == "bdb" for stack in stacks for frame, _ in stack)
 
 
 class Closer(threading.Thread):
@@ -172,14 +186,18 @@ class Closer(threading.Thread):
                 os.write(self._fd_before, bytes(number for number in told if number != _END))
             if _END in told or any(number in self._before and signal.getsignal(number) == self._heed
                                    for number in told):
-                # Not at python's prompt, which goes on without the node.
-                if not self._deadline and not hasattr(sys, "ps1") and not sys.flags.interactive:
+                if not self._deadline and not _is_interactive():
                     self._deadline = time.monotonic() + KILLED_AFTER
-                aside(self._shut_down)
+                aside(self._shut_down, any(number in self._before for number in told))
 
-    def _shut_down(self):
+    def _shut_down(self, by_signal):
         patience = KILLED_AFTER if self._deadline else math.inf  # this may be the thread that kills
-        if not wait_until(self._hooks.locked, HEARD_WITHIN) or wait_until(self._hooks_ran.is_set, patience):
+        if not wait_until(self._hooks.locked, HEARD_WITHIN):
+            _begin_to_end_goals(-1)
+            # Without it, a hook that needs the main thread's windows, or a database that it has opened, fails.
+            if by_signal and self._hooks_of_the_program():
+                wait_until(lambda: self._hooks.locked() or self._heard, HOOKS_WITHIN - HEARD_WITHIN)
+        if not self._hooks.locked() or wait_until(self._hooks_ran.is_set, patience):
             rospy.signal_shutdown("told to end")
 
     def _heed(self, number, frame):
@@ -197,8 +215,10 @@ class Closer(threading.Thread):
             if not wait_until(self._closed.is_set, CLOSED_WITHIN if calls_before else HELD_FOR):
                 self._heard = number
         if calls_before:
-            with contextlib.suppress(KeyboardInterrupt):
+            try:  # with contextlib, a debugger, whose handler this may be, would stop in that
                 before(number, frame)
+            except KeyboardInterrupt:
+                pass
 
     def _run_hooks(self):
         """Run the program's hooks here, in the main thread, as rospy does. Without it, the main program drives on when
@@ -213,8 +233,7 @@ class Closer(threading.Thread):
             rospy.core._in_shutdown = True  # else whoever calls rospy.signal_shutdown closes the node meanwhile
         finally:
             lock.release()
-        hooks = rospy.core._client_shutdown_hooks
-        theirs = [hook for hook in hooks if hook not in (self._begin, _end_all_goals)]
+        hooks, theirs = rospy.core._client_shutdown_hooks, self._hooks_of_the_program()
         del hooks[:]
         self._begin()
         ours, hooks[:] = hooks[:], theirs
@@ -226,6 +245,9 @@ class Closer(threading.Thread):
         hooks[:], rospy.core._in_shutdown = ours, False
         hooks_thread = -1  # what the main program sends from now on is no hook's
         self._hooks_ran.set()
+
+    def _hooks_of_the_program(self):
+        return [hook for hook in rospy.core._client_shutdown_hooks if hook not in (self._begin, _end_all_goals)]
 
     def _is_down(self, _):
         """From now on rospy.is_shutdown(). A main thread in signal.pause() looked before: the signal comes again."""
