@@ -86,9 +86,10 @@ class StartUnits(UnitCase):
                 ("/n:=3", 2, "'/n:=3' renames a topic, must be _n:=3 to set"), (":=3", 2, "unknown argument ':=3'"),
                 *((name + ":=3", 2, "'%s:=3' renames a topic, must be _n:=3 to set" % name)
                   for name in ("~n", "/node/n", "/robot/node/n", "node/n")),
+                ("__name:=own own/n:=3", 2, "'own/n:=3' renames a topic"),
                 ("_name:=x", 2, "unknown parameter ~name, must be one of ~n; __name:=VALUE names the node")):
             said = io.StringIO()
-            with arguments(argument), contextlib.redirect_stderr(said), contextlib.redirect_stdout(said), \
+            with arguments(*argument.split()), contextlib.redirect_stderr(said), contextlib.redirect_stdout(said), \
                     mock.patch.object(node, "_wait_for_master", side_effect=AssertionError(argument)), \
                     self.assertRaises(SystemExit) as end:
                 robust.init_node("node", usage="how to", parameters={"~n": (7, 0, 9)})
