@@ -262,6 +262,12 @@ class ShutdownUnits(UnitCase):
                 self.assertLess(time.monotonic() - one._deadline, 30, "s, with nothing to wait for")
             self.assertTrue(rospy.is_shutdown())
 
+    def test_hooks_that_another_thread_runs_when_a_signal_comes_are_hooks_yet(self):
+        with closer() as one, mock.patch.multiple(shutdown, HEARD_WITHIN=0, HOOKS_WITHIN=0):
+            shutdown.hooks_thread, rospy.core._in_shutdown = 1, True
+            one._shut_down(True)
+            self.assertEqual(1, shutdown.hooks_thread, "else it may send no goal")
+
     def test_hooks_wait_a_while_for_a_main_thread_that_is_late_but_no_goal_does(self):
         def end_goal(*_):
             ran.append(shutdown.hooks_thread)

@@ -193,7 +193,7 @@ class Closer(threading.Thread):
     def _shut_down(self, by_signal):
         patience = KILLED_AFTER if self._deadline else math.inf  # this may be the thread that kills
         if not wait_until(self._hooks.locked, HEARD_WITHIN):
-            _begin_to_end_goals(-1)
+            _begin_to_end_goals(hooks_thread or -1)
             # Without it, a hook that needs the main thread's windows, or a database that it has opened, fails.
             if by_signal and self._hooks_of_the_program():
                 wait_until(lambda: self._hooks.locked() or self._heard, HOOKS_WITHIN - HEARD_WITHIN)
