@@ -272,7 +272,8 @@ asyncio.run(main())
                   "KeyboardInterrupt() up", "down", head=HEAD)
 
     def test_ctrl_c_at_python_s_prompt_or_its_debugger_s_and_before_it_ends_the_node_and_not_the_prompt(self, master):
-        code = "import rospy, time; from actions_tutorial import robust; robust.init_node('guest'); print('re' + 'ady')"
+        code = "import os, rospy, time; from actions_tutorial import robust; robust.init_node('guest'); " \
+               "os.write(1, b're' + b'ady')"  # not by print, in which a debugger would stop
         env = dict(os.environ, HOME=master.home, PYTHON_BASIC_REPL="1", **master.env)  # a prompt writes its history
         wrong = "import rospy; from actions_tutorial import robust; robust.init_node('guest', ['', 'a:=b:=c'])"
         with open(os.path.join(master.home, "debugged.py"), "w") as debugged:
