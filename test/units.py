@@ -67,7 +67,7 @@ class UnitCase(unittest.TestCase):
                                           _client_shutdown_hooks=[], _preshutdown_hooks=[], _shutdown_hooks=[]),
                       mock.patch.dict("os.environ", ROS_MASTER_URI="http://localhost:1"),
                       mock.patch.dict(rospy.core._xmlrpc_cache), mock.patch.object(rospy.client, "_param_server", None),
-                      mock.patch.multiple(shutdown, _endings={}, _enders=[], hooks_thread=None,
+                      mock.patch.multiple(shutdown, _endings={}, _told_at=0, hooks_thread=None,
                                           servers=weakref.WeakSet())):
             self.enter(state)
 

@@ -252,6 +252,7 @@ class ShutdownUnits(UnitCase):
             self.assertTrue(one._closed.is_set())
 
     def test_node_whose_main_thread_does_not_hear_ends_all_the_same(self):
+        begun = time.monotonic()
         for by_signal, heard, hooks in (
                 (True, None, []), (False, None, [self.id]), (True, signal.SIGTERM, [self.id])):
             with closer() as one, mock.patch.multiple(shutdown, HEARD_WITHIN=0, HOOKS_WITHIN=60, KILLED_AFTER=0):
@@ -261,27 +262,25 @@ class ShutdownUnits(UnitCase):
                 one._shut_down(by_signal)
                 self.assertLess(time.monotonic() - one._deadline, 30, "s, with nothing to wait for")
             self.assertTrue(rospy.is_shutdown())
+        self.assertAlmostEqual(begun, shutdown._told_at, delta=30)
 
-    def test_hooks_that_another_thread_runs_when_a_signal_comes_are_hooks_yet(self):
-        with closer() as one, mock.patch.multiple(shutdown, HEARD_WITHIN=0, HOOKS_WITHIN=0):
-            shutdown.hooks_thread, rospy.core._in_shutdown = 1, True
-            one._shut_down(True)
-            self.assertEqual(1, shutdown.hooks_thread, "else it may send no goal")
-
-    def test_hooks_wait_a_while_for_a_main_thread_that_is_late_but_no_goal_does(self):
-        def end_goal(*_):
-            ran.append(shutdown.hooks_thread)
+    def test_hooks_wait_for_a_main_thread_that_is_late_and_goals_have_less_time_then(self):
+        def end_goal(_, deadline):
+            ran.append(round(deadline - told, 1))
 
         ran = []
-        with closer() as one, mock.patch.multiple(shutdown, HEARD_WITHIN=0, HOOKS_WITHIN=30), \
-                mock.patch.object(shutdown.Closer, "ident", 1):
+        with closer() as one, mock.patch.object(shutdown.Closer, "ident", 1), \
+                mock.patch.object(shutdown, "HOOKS_WITHIN", 30), \
+                mock.patch.object(shutdown, "wait_until", wraps=shutdown.wait_until) as wait_until:
             shutdown.at_end(types.MethodType(end_goal, self))
             rospy.on_shutdown(lambda: ran.append(threading.current_thread()))
+            shutdown._told_at = told = time.monotonic() - 0.4
             thread = shutdown.aside(one._shut_down, True)
-            eventually(lambda: ran, "a goal's end")
+            eventually(lambda: wait_until.called, "a thread that waits")
             signal.raise_signal(signal.SIGTERM)
             thread.join()
-        self.assertEqual(([-1, threading.main_thread()], True), (ran, rospy.is_shutdown()))
+        self.assertEqual((30, True), (wait_until.call_args_list[0][0][1], rospy.is_shutdown()))
+        self.assertEqual({shutdown.GOALS_END_WITHIN, threading.main_thread()}, set(ran))
 
     def test_who_hears_of_a_goal_that_the_shutdown_ended_waits_for_that_but_hooks_and_goals_of_servers_do_not(self):
         for shutdown.hooks_thread, unended, waits in (

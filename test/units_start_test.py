@@ -80,19 +80,19 @@ class StartUnits(UnitCase):
     def test_wrong_argument_is_one_line_and_exit_status_2_and_help_is_0(self):
         for argument, status, words in (  # start_faults_test.py has more of them
                 ("_n:=10", 2, "~n is 10, must be a whole number from 0 to 9"), ("-h", 0, "how to"),
-                ("_m:=3", 2, "unknown parameter ~m, must be one of ~n\n"),
+                ("_m:=3", 2, "unknown parameter ~m, must be one of ~n, ~arm/n\n"),
                 ("__n:=3", 2, "unknown parameter ~_n, must be one of ~n"),
                 *((wrong, 2, "unknown argument %r" % wrong) for wrong in ("--n=3", "--n:=3", "n-1:=3", "m:=")),
                 ("/n:=3", 2, "'/n:=3' renames a topic, must be _n:=3 to set"), (":=3", 2, "unknown argument ':=3'"),
                 *((name + ":=3", 2, "'%s:=3' renames a topic, must be _n:=3 to set" % name)
                   for name in ("~n", "/node/n", "/robot/node/n", "node/n")),
-                ("__name:=own own/n:=3", 2, "'own/n:=3' renames a topic"),
-                ("_name:=x", 2, "unknown parameter ~name, must be one of ~n; __name:=VALUE names the node")):
+                ("__name:=own own/n:=3", 2, "'own/n:=3' renames a topic"), ("arm/n:=3", 2, "must be _arm/n:=3 to set"),
+                ("_name:=x", 2, "unknown parameter ~name, must be one of ~n, ~arm/n; __name:=VALUE names the node")):
             said = io.StringIO()
             with arguments(*argument.split()), contextlib.redirect_stderr(said), contextlib.redirect_stdout(said), \
                     mock.patch.object(node, "_wait_for_master", side_effect=AssertionError(argument)), \
                     self.assertRaises(SystemExit) as end:
-                robust.init_node("node", usage="how to", parameters={"~n": (7, 0, 9)})
+                robust.init_node("node", usage="how to", parameters={"~n": (7, 0, 9), "~arm/n": (7, 0, 9)})
             self.assertEqual((status, 1), (end.exception.code, said.getvalue().count("\n")), said.getvalue())
             self.assertIn(words, said.getvalue())
         with arguments("--help"), contextlib.redirect_stderr(io.StringIO()), self.assertRaises(SystemExit) as end:

@@ -73,9 +73,9 @@ def check_arguments(arguments, known, node):
         if name[0] == "_" and name not in _ROS_S_OWN and "~" + name[1:] not in known:
             raise ValueError("unknown parameter ~%s, must be one of %s%s" % (
                 name[1:], ", ".join(known), "; __name:=VALUE names the node" if name == "_name" else ""))
-        last = name.rpartition("/")[2].lstrip("~")
-        if "~" + last in known and (name.lstrip("~/") == last or ("/" + name).endswith("/%s/%s" % (node, last))):
-            raise ValueError("%r renames a topic, must be _%s:=%s to set the parameter" % (argument, last, value))
+        for own in (one[1:] for one in known):
+            if name.lstrip("~/") == own or ("/" + name).endswith("/%s/%s" % (node, own)):
+                raise ValueError("%r renames a topic, must be _%s:=%s to set the parameter" % (argument, own, value))
 
 
 def _from_command_line(param_name):

@@ -4,8 +4,7 @@
 Who may take how long, from the moment that a signal or `rosnode kill` tells the node to end:
 
     0 to 1.0 s  goals end, all of them side by side: the servers' own, and those that the clients sent. Meanwhile the
-                program's own hooks (rospy.on_shutdown) run: of a signal in the main thread, or in another one
-      at 0.6 s  if that has not heard of it
+                program's own hooks (rospy.on_shutdown) run. With such hooks, both begin at 0.6 s at the latest
       to 1.1 s  rospy's threads send what has been published
       to 1.5 s  the node takes leave of the master, which may take 0.5 s for each answer
       to 1.7 s  lines of log are written
@@ -37,18 +36,17 @@ SENT_WITHIN = 0.1  # s more: rospy sends from threads of its own, which cannot b
 CLOSED_WITHIN = 1.5
 KILLED_AFTER = 1.8
 LOG_WITHIN = 0.2  # s for itself
-HEARD_WITHIN = 0.1  # s in which the main thread may hear a signal and run the hooks; then goals end without it
-HOOKS_WITHIN = 0.6  # s, and then the hooks run without it; a GUI's loop gets round to signals twice a second, say
+HEARD_WITHIN = 0.1  # s in which the main thread may hear a signal; then another one ends the node
+HOOKS_WITHIN = 0.6  # s, if there are hooks: a GUI's loop gets round to signals twice a second, say
 HELD_FOR = 0.2  # s that the main thread stands still after the hooks; the goals that are still ending may need it then
 
 _END = 255  # beside the numbers of signals, what Closer can be told
 
 unfinished: weakref.WeakSet = weakref.WeakSet()  # goals, say; with any, a node that is killed has exit status 1, not 0
 servers: weakref.WeakSet = weakref.WeakSet()  # those of this node (server.py, _ActionServer)
-hooks_thread = None  # the number of the thread that runs the hooks, when the node ends; -1: none yet, or any more
+_told_at = 0.0  # time.monotonic(), of a signal or rosnode kill
+hooks_thread = None  # the number of the thread that runs the hooks, when the node ends; -1: they have run in main
 _endings: dict = {}  # weakref.WeakMethod by the id of its object, which may be unhashable
-_enders: list = []  # (thread, deadline), of each ending that has begun
-_begins = threading.Lock()
 
 
 def at_end(end_goals):
@@ -79,27 +77,24 @@ def aside(function, *args):
     return thread
 
 
-def _begin_to_end_goals(thread):
-    global hooks_thread
-    hooks_thread, deadline = thread, time.monotonic() + GOALS_END_WITHIN
-    with _begins:
-        while _endings:
-            end_goals = _endings.popitem()[1]()
-            if end_goals:
-                _enders.append((aside(end_goals, deadline), deadline))
-
-
 def _end_all_goals():
-    _begin_to_end_goals(threading.get_ident())
+    global hooks_thread
+    hooks_thread = threading.get_ident()
+    deadline = (_told_at or time.monotonic()) + GOALS_END_WITHIN
+    threads = []
+    while _endings:
+        end_goals = _endings.popitem()[1]()
+        if end_goals:
+            threads.append(aside(end_goals, deadline))
 
     def wait():
-        for thread, deadline in _enders:
+        for thread in threads:
             if thread.ident:
                 thread.join(deadline + SENT_WITHIN - time.monotonic())
         # The ending of a goal may be large; whatever else was sent, such as a goal that is to go on, is soon gone.
         time.sleep(SENT_WITHIN if unfinished or servers else SENT_WITHIN / 5)
 
-    if _enders:
+    if threads:
         rospy.on_shutdown(wait)  # rospy comes to it when the other hooks have run
 
 
@@ -191,12 +186,12 @@ class Closer(threading.Thread):
                 aside(self._shut_down, any(number in self._before for number in told))
 
     def _shut_down(self, by_signal):
+        global _told_at
+        _told_at = _told_at or time.monotonic()
         patience = KILLED_AFTER if self._deadline else math.inf  # this may be the thread that kills
-        if not wait_until(self._hooks.locked, HEARD_WITHIN):
-            _begin_to_end_goals(hooks_thread or -1)
-            # Without it, a hook that needs the main thread's windows, or a database that it has opened, fails.
-            if by_signal and self._hooks_of_the_program():
-                wait_until(lambda: self._hooks.locked() or self._heard, HOOKS_WITHIN - HEARD_WITHIN)
+        # Without it, a hook that needs the main thread's windows, or a database that it has opened, fails.
+        late = HOOKS_WITHIN if by_signal and self._hooks_of_the_program() else HEARD_WITHIN
+        wait_until(lambda: self._hooks.locked() or self._heard, late)
         if not self._hooks.locked() or wait_until(self._hooks_ran.is_set, patience):
             rospy.signal_shutdown("told to end")
 
