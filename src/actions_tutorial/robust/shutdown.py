@@ -179,11 +179,11 @@ class Closer(threading.Thread):
                 return
             with contextlib.suppress(OSError):  # whoever was there before, if anybody, hears of all signals
                 os.write(self._fd_before, bytes(number for number in told if number != _END))
-            if _END in told or any(number in self._before and signal.getsignal(number) == self._heed
-                                   for number in told):
+            signals = self._before.keys() & set(told)
+            if _END in told or any(signal.getsignal(number) == self._heed for number in signals):
                 if not self._deadline and not _is_interactive():
                     self._deadline = time.monotonic() + KILLED_AFTER
-                aside(self._shut_down, any(number in self._before for number in told))
+                aside(self._shut_down, bool(signals))
 
     def _shut_down(self, by_signal):
         global _told_at
