@@ -28,6 +28,7 @@ WAITING = 1000  # lines that may wait for one of the two threads; further ones a
 AT_ONCE = 1500  # bytes; a pipe that takes anything takes 4096 without waiting, and a letter of 4 bytes is 10 in ASCII
 READ_WITHIN = 0.2  # s that a terminal may keep whoever logs, once
 
+_rosout = logging.getLogger("rosout")  # rospy's
 _taken: list = []  # the handlers, as long as nobody has to wait for them
 _soon: collections.deque = collections.deque(maxlen=WAITING)  # lines on goals: functions that return them
 
@@ -68,7 +69,7 @@ def show():
         return
     terminal = next((one for one in _taken if isinstance(one, RosStreamHandler)), None)
     if not terminal or "ROSCONSOLE_FORMAT" in os.environ or not rospy.rostime.is_wallclock() or \
-            not logging.getLogger("rosout").isEnabledFor(logging.INFO) or logging.INFO < terminal.level:
+            not _rosout.isEnabledFor(logging.INFO) or logging.INFO < terminal.level:
         return catch_up()
     for line in _taken_off():
         text = line()
@@ -107,8 +108,8 @@ def configure(rospy_s, *args):
     except (OSError, ValueError, LoggingException) as error:  # ValueError: of a configuration in YAML
         say("cannot set up the log: %s" % error)
     if not rospy.core._log_filename:
-        logging.getLogger("rosout").addHandler(RosStreamHandler())
-        logging.getLogger("rosout").setLevel(logging.INFO)
+        _rosout.addHandler(RosStreamHandler())
+        _rosout.setLevel(logging.INFO)
 
 
 def pause():
@@ -189,9 +190,11 @@ class _Shown(str):
 def _taken_off():
     """Returns the lines of soon(), which are the caller's from now on."""
     lines = []
-    with contextlib.suppress(IndexError):
-        while True:
+    try:  # not with contextlib, as below: a first feedback waits for it
+        while _soon:
             lines.append(_soon.popleft())
+    except IndexError:  # another thread has taken the last one
+        pass
     return lines
 
 
@@ -225,8 +228,10 @@ def _write_at_once(stream, size, write):
 
 
 def _is_terminal(stream):
-    with contextlib.suppress(AttributeError, OSError, ValueError):  # no file of the system's
+    try:
         return os.isatty(stream.fileno())
+    except (AttributeError, OSError, ValueError):  # no file of the system's
+        return False
 
 
 def _write_later(write, record):
@@ -245,11 +250,12 @@ def _with_text(record):
 
 
 def _takes_a_line(stream):
-    with contextlib.suppress(AttributeError, OSError, ValueError):  # no file of the system's
+    try:
         poll = select.poll()  # select() knows no file above 1023
         poll.register(stream.fileno(), select.POLLOUT)
         return bool(poll.poll(0))
-    return True
+    except (AttributeError, OSError, ValueError):
+        return True
 
 
 def _write(handler, emit, record):

@@ -156,9 +156,10 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         if self.__shutting_down:
             goal.set_canceled(None, SHUTTING_DOWN)
             return
-        if not self.is_active():
+        older = self.current_goal
+        if older.get_goal() and not self.is_active() and goal.get_goal_id().stamp < older.get_goal_id().stamp:
             # Without it, nobody is served any more after one stamp from the future: theirs are older.
-            self.current_goal.__class__ = _Ended  # next_goal, too, is this object if none waits
+            older.__class__ = _Ended  # next_goal, too, is this object if none waits
         try:
             super().internal_goal_callback(goal)
         except BaseException:  # actionlib keeps its lock after sys.exit and after an error without words
@@ -369,14 +370,16 @@ class _ActionServer(actionlib.ActionServer):
 
     def internal_goal_callback(self, goal):
         with self.lock:
-            self._look_at_the_clock()
+            if goal.goal_id.stamp < self._latest:  # only such a one may be refused for its stamp
+                self._look_at_the_clock()
             if not self.started:  # its topics are still open
                 late = GoalStatus(goal.goal_id, GoalStatus.RECALLED, SHUTTING_DOWN)
                 self._send(self.result_pub, self.ActionResult(status=late, result=self.ActionResultType()))
                 return self._send(self.status_pub, GoalStatusArray(status_list=[late]))
-            is_ignored = any(tracker.goal and tracker.status.goal_id.id == goal.goal_id.id
-                             for tracker in self.status_list)
             super().internal_goal_callback(goal)
+            is_taken = self.status_list and self.status_list[-1].goal is goal
+            is_ignored = not is_taken and any(tracker.goal and tracker.status.goal_id.id == goal.goal_id.id
+                                              for tracker in self.status_list)
         rate.wake()  # the goal that runs has to stop for this one
         if is_ignored:
             rospy.logwarn("%s: goal ignored: its id %.60r is that of a recent goal", rospy.resolve_name(self.ns),
@@ -433,9 +436,9 @@ class _ActionServer(actionlib.ActionServer):
 
 
 def _plain_fields(goal):
-    fields = ((name, getattr(goal, name)) for name in goal.__slots__)
-    plain = ", ".join("%s %.60r" % field for field in fields if isinstance(field[1], (bool, int, float, str)))
-    return ": " + plain if plain else ""
+    plain = ["%s %.60r" % (name, getattr(goal, name)) for name in goal.__slots__
+             if isinstance(getattr(goal, name), (bool, int, float, str))]
+    return ": " + ", ".join(plain) if plain else ""
 
 
 def _sendable(text):
