@@ -350,7 +350,6 @@ class ServerUnits(UnitCase):
         one.action_server.publish_result(program_s, None)
         self.assertEqual((GoalStatus.SUCCEEDED, ""), (program_s.status, program_s.text))
         rospy.rostime._set_rostime(rospy.Time(1000))
-        one.action_server.publish_status_async(None)
         take_up(one, "goal", 600)
         send(one, "next")
         one.action_server.status_list = Leaps(one.action_server.status_list)

@@ -281,7 +281,7 @@ class _ActionServer(actionlib.ActionServer):
         self._later = False  # whether a status has to wait
         self._put_off = False  # whether one waits
         self._unshown = []  # StatusTrackers of goals that have ended
-        self._latest = rospy.Time()  # by which a clock that was set back is known
+        self._latest = 0.0  # s, by which a clock that was set back is known
         super().__init__(*args, **options)
         shutdown.servers.add(self)
 
@@ -370,8 +370,7 @@ class _ActionServer(actionlib.ActionServer):
 
     def internal_goal_callback(self, goal):
         with self.lock:
-            if goal.goal_id.stamp < self._latest:  # only such a one may be refused for its stamp
-                self._look_at_the_clock()
+            self._look_at_the_clock()
             if not self.started:  # its topics are still open
                 late = GoalStatus(goal.goal_id, GoalStatus.RECALLED, SHUTTING_DOWN)
                 self._send(self.result_pub, self.ActionResult(status=late, result=self.ActionResultType()))
@@ -424,15 +423,16 @@ class _ActionServer(actionlib.ActionServer):
     def _look_at_the_clock(self):
         """Without it, a clock that is set back makes the server refuse all goals until it is later than it was: after a
         cancel of goals up to then, and while a goal runs that was sent before."""
-        now = rospy.Time.now()
-        if now < self._latest:
+        seconds = time.time() if rospy.rostime.is_wallclock() else rospy.get_time()  # a goal waits for it: a float
+        if seconds < self._latest:
+            now = rospy.Time.now()
             self.last_cancel = rospy.Time()
             for tracker in self.status_list:
                 if tracker.status.goal_id.stamp > now:
                     tracker.status.goal_id.stamp = rospy.Time()
                 if tracker.handle_destruction_time > now:
                     tracker.handle_destruction_time = now
-        self._latest = now
+        self._latest = seconds
 
 
 def _plain_fields(goal):
