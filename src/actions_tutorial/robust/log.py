@@ -190,11 +190,9 @@ class _Shown(str):
 def _taken_off():
     """Returns the lines of soon(), which are the caller's from now on."""
     lines = []
-    try:  # not with contextlib, as below: a first feedback waits for it
+    with contextlib.suppress(IndexError):  # another thread has taken the last one
         while _soon:
             lines.append(_soon.popleft())
-    except IndexError:  # another thread has taken the last one
-        pass
     return lines
 
 
@@ -228,10 +226,8 @@ def _write_at_once(stream, size, write):
 
 
 def _is_terminal(stream):
-    try:
+    with contextlib.suppress(AttributeError, OSError, ValueError):  # no file of the system's
         return os.isatty(stream.fileno())
-    except (AttributeError, OSError, ValueError):  # no file of the system's
-        return False
 
 
 def _write_later(write, record):
@@ -250,12 +246,11 @@ def _with_text(record):
 
 
 def _takes_a_line(stream):
-    try:
+    with contextlib.suppress(AttributeError, OSError, ValueError):  # no file of the system's
         poll = select.poll()  # select() knows no file above 1023
         poll.register(stream.fileno(), select.POLLOUT)
         return bool(poll.poll(0))
-    except (AttributeError, OSError, ValueError):
-        return True
+    return True
 
 
 def _write(handler, emit, record):

@@ -436,9 +436,9 @@ class _ActionServer(actionlib.ActionServer):
 
 
 def _plain_fields(goal):
-    plain = ["%s %.60r" % (name, getattr(goal, name)) for name in goal.__slots__
-             if isinstance(getattr(goal, name), (bool, int, float, str))]
-    return ": " + ", ".join(plain) if plain else ""
+    fields = ((name, getattr(goal, name)) for name in goal.__slots__)
+    plain = ", ".join("%s %.60r" % field for field in fields if isinstance(field[1], (bool, int, float, str)))
+    return ": " + plain if plain else ""
 
 
 def _sendable(text):
