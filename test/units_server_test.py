@@ -12,6 +12,7 @@ import rosunit
 from actionlib.msg import TestAction, TestActionGoal, TestFeedback, TestResult
 from actionlib.status_tracker import StatusTracker
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
+from std_msgs.msg import Float64
 
 from actions_tutorial import robust
 from actions_tutorial.robust import log, rate, server, shutdown
@@ -187,7 +188,7 @@ class ServerUnits(UnitCase):
         said = server._plain_fields(GoalStatus(status=3, text="\x1b" * 1000))
         self.assertEqual(r": status 3, text '\x1b", said[:22])
         self.assertLess(len(said), 100)
-        self.assertEqual("", server._plain_fields(GoalStatusArray()))
+        self.assertEqual((": data 0.5", ""), tuple(map(server._plain_fields, (Float64(0.5), GoalStatusArray()))))
 
     def test_goal_that_is_recalled_while_the_loop_takes_it_up_or_with_the_server_s_stop_is_not_executed(self):
         one = self.server()

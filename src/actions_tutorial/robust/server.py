@@ -280,7 +280,7 @@ class _ActionServer(actionlib.ActionServer):
         self._begin, self._stopped = begin, stopped
         self._later = False  # whether a status has to wait
         self._put_off = False  # whether one waits
-        self._unshown = []  # StatusTrackers of goals that have ended
+        self._unshown = []  # GoalStatus of goals that have ended
         self._latest = 0.0  # s, by which a clock that was set back is known
         super().__init__(*args, **options)
         shutdown.servers.add(self)
@@ -323,7 +323,8 @@ class _ActionServer(actionlib.ActionServer):
             self._put_off = self._later
             if self._later or not self.started:
                 return
-            shown, self._unshown = self._unshown, []
+            ended, self._unshown = self._unshown, []
+            shown = [one for one in self.status_list if any(one.status is status for status in ended)]
             for tracker in shown:
                 tracker.handle_destruction_time = rospy.Time()  # never: the clock may leap while super() looks
             super().publish_status()
@@ -348,9 +349,7 @@ class _ActionServer(actionlib.ActionServer):
 
     def publish_result(self, status, result):
         """Without it, a goal whose result cannot be sent has no ending."""
-        tracker = next((one for one in reversed(self.status_list) if one.status is status), None)
-        if tracker:  # it is no status of the program's own
-            self._unshown.append(tracker)
+        self._unshown.append(status)
         if status.status == GoalStatus.RECALLED:  # which actionlib gives no text, if the cancel came first
             status.text = status.text or "cancelled before it was taken up"
         try:
@@ -409,7 +408,7 @@ class _ActionServer(actionlib.ActionServer):
                 status.text = SHUTTING_DOWN
                 status.status = GoalStatus.RECALLED if status.status in _RECALLABLE else GoalStatus.ABORTED
                 self._send(self.result_pub, self.ActionResult(status=status, result=self.ActionResultType()))
-                self._unshown.append(tracker)  # so that a server that is started again forgets it
+                self._unshown.append(status)  # so that a server that is started again forgets it
             self._send(self.status_pub, GoalStatusArray(status_list=[one.status for one in list(self.status_list)]))
         finally:
             if mine:
@@ -436,9 +435,9 @@ class _ActionServer(actionlib.ActionServer):
 
 
 def _plain_fields(goal):
-    fields = ((name, getattr(goal, name)) for name in goal.__slots__)
-    plain = ", ".join("%s %.60r" % field for field in fields if isinstance(field[1], (bool, int, float, str)))
-    return ": " + plain if plain else ""
+    fields = [(name, getattr(goal, name)) for name in goal.__slots__]
+    plain = ["%s %.60r" % field for field in fields if isinstance(field[1], (int, float, str))]
+    return ": " + ", ".join(plain) if plain else ""
 
 
 def _sendable(text):
