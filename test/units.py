@@ -1,7 +1,6 @@
 """The base of the tests that need no node and no master, and what they share."""
 import contextlib
 import functools
-import io
 import logging
 import threading
 import unittest
@@ -12,7 +11,6 @@ from unittest import mock
 import rospy
 from actionlib.msg import TestAction, TestActionFeedback, TestActionGoal, TestActionResult
 from actionlib_msgs.msg import GoalID, GoalStatusArray
-from rosgraph.roslogging import RosStreamHandler
 from rospy.impl import paramserver, transport
 
 from actions_tutorial import robust
@@ -88,8 +86,7 @@ class UnitCase(unittest.TestCase):
     def logged(self, note=logging.LogRecord.getMessage):
         """Returns a list to which note(line) is added for each line (logging.LogRecord) of rospy's log."""
         said, handler = [], logging.Handler()
-        terminal = RosStreamHandler(stdout=io.StringIO(), stderr=io.StringIO())
-        handler.emit = functools.partial(log._write_to_terminal, terminal, lambda line: said.append(note(line)))
+        handler.emit = functools.partial(log._write_to_terminal, lambda line: said.append(note(line)))
         logger, level = logging.getLogger("rosout"), logging.getLogger("rosout").level
         logger.addHandler(handler)
         logger.setLevel(logging.INFO)

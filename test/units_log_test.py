@@ -53,9 +53,10 @@ class LogUnits(UnitCase):
                 log.show()
             self.assertEqual(([], ["a bowl", "a cup"]), (said, [line() for line in log._soon]))
             log.catch_up()
+            with mock.patch.dict("os.environ", ROSCONSOLE_FORMAT="mine"), mock.patch.object(log, "_usual", []) as none:
+                log.hold_nobody_up([RosStreamHandler()])
             for number, other in enumerate((
-                    mock.patch.dict("os.environ", ROSCONSOLE_FORMAT="mine"), mock.patch.object(terminal, "level", 30),
-                    mock.patch.object(log, "_taken", [logging.NullHandler()]),
+                    mock.patch.object(log, "_usual", none), mock.patch.object(terminal, "level", 30),
                     mock.patch.object(rospy.rostime, "_rostime_current", rospy.Time(1)))):
                 with other:
                     log.soon(lambda: "a plate")
@@ -67,46 +68,46 @@ class LogUnits(UnitCase):
         for line in "a bowl", "a cup":
             RosStreamHandler(stdout=theirs).emit(record(line))
         self.assertEqual(*(re.sub(r"\d+", "0", stream.getvalue()) for stream in (ours, theirs)))
-        self.assertEqual(["a plate"] * 4, said)
+        self.assertEqual(["a plate"] * 3, said)
 
-    def test_line_waits_for_the_stream_that_it_goes_to_and_where_none_can_be_asked_for_none(self):
-        stopped, write = mock.Mock(), mock.Mock()
-        handler = RosStreamHandler(stdout=io.StringIO(), stderr=stopped)
-        with mock.patch.object(log, "_takes_a_line", lambda stream: stream is not stopped), \
-                mock.patch.object(log, "_terminal", mock.MagicMock(__bool__=lambda caller: False)) as later:
-            for level, calls in (logging.INFO, (1, 0)), (logging.WARNING, (1, 1)):
-                line = record("a bowl")
-                line.levelno, line.args = level, None  # as logging.handlers.QueueHandler makes it
-                log._write_to_terminal(handler, write, line)
-                self.assertEqual(calls, (write.call_count, later.call.call_count))
-            log._write_at_once(handler._stdout, log.AT_ONCE, write)  # which a pipe may not take
-            self.assertEqual((1, 2), (write.call_count, later.call.call_count))
-        for error in AttributeError, OSError, ValueError:
-            other = mock.Mock(fileno=mock.Mock(side_effect=error))
-            self.assertTrue(log._takes_a_line(other))
-            log._write_at_once(mock.Mock(spec=["write"], fileno=other.fileno), 1, write)  # without isatty
-        self.assertEqual(4, write.call_count)
+    def test_line_waits_for_a_stream_that_takes_none_and_where_none_can_be_asked_for_none(self):
         read, full = os.pipe2(os.O_NONBLOCK)
-        with open(read, "rb"), open(full, "wb", 0) as pipe:
-            self.assertTrue(log._takes_a_line(pipe))
-            pipe.write(bytes(1 << 20))
-            self.assertFalse(log._takes_a_line(pipe))
+        with open(read, "rb"), io.TextIOWrapper(io.FileIO(full, "w"), write_through=True) as pipe, \
+                mock.patch.object(log, "_terminal", mock.MagicMock()) as later:
+            stream = log._Stream(pipe, self.fail)
+            stream.write("a bowl")  # after those that wait
+            self.assertEqual(1, later.call.call_count)
+            later.__bool__.return_value = False
+            stream.write("a bowl")
+            self.assertEqual((b"a bowl", 1), (os.read(read, 99), later.call.call_count))
+            stream.write("b" * log.AT_ONCE)  # which a pipe may not take
+            self.assertEqual(2, later.call.call_count)
+            os.write(full, bytes(1 << 20))
+            stream.write("a bowl")
+            self.assertEqual(3, later.call.call_count)
+            for error in AttributeError, OSError, ValueError:
+                other = mock.Mock(fileno=mock.Mock(side_effect=error))
+                log._Stream(other, self.fail).write("a bowl")
+                other.write.assert_called_once_with("a bowl")
+            self.assertEqual(3, later.call.call_count)
 
     def test_line_stands_on_a_terminal_that_takes_it_when_the_call_returns(self):
-        said = []
-        with mock.patch.multiple(log, _terminal=log._Caller(0), _is_terminal=mock.Mock(), READ_WITHIN=30):
-            log._write_at_once(io.StringIO(), 1, lambda: said.append(time.sleep(0.05)))
-        self.assertEqual([None], said)
-
-    def test_where_no_thread_can_be_had_a_line_is_written_and_lines_are_bounded(self):
-        write = mock.Mock()
+        said, ends = [], os.openpty()
+        terminal = mock.Mock(fileno=lambda: ends[1], write=lambda text: (
+            time.sleep(0.05), said.append((text, threading.current_thread() is threading.main_thread()))))
+        self.assertIs(terminal.isatty, log._Stream(terminal, self.fail).isatty, "rospy has colours for a terminal")
+        with mock.patch.multiple(log, _terminal=log._Caller(0), READ_WITHIN=30):
+            log._Stream(terminal, self.fail).write("a bowl")
+        self.assertEqual([("a bowl", False)], said)
         with mock.patch.object(threading.Thread, "start", side_effect=RuntimeError), \
-                mock.patch.object(log, "_terminal", log._Caller(0)) as caller, mock.patch.object(log, "_is_terminal"):
-            log._write_at_once(io.StringIO(), 1, write)
-            self.assertEqual((1, 0), (write.call_count, len(caller)))
+                mock.patch.object(log, "_terminal", log._Caller(0)) as caller:
+            log._Stream(terminal, self.fail).write("where no thread can be had")
+            self.assertEqual((2, 0), (len(said), len(caller)))
             for _ in range(2 * log.WAITING):
                 caller.call(print)
         self.assertEqual(log.WAITING, len(caller))
+        for end in ends:
+            os.close(end)
 
     def test_complaint_of_the_log_names_what_it_cannot_log_to_and_where_nobody_can_be_told_is_no_error(self):
         for stderr in None, *(mock.Mock(**{"write.side_effect": error}) for error in (OSError, ValueError)):
@@ -173,14 +174,16 @@ class LogUnits(UnitCase):
             os.fstat(number)
 
     def test_line_that_may_not_fit_into_a_pipe_goes_by_the_thread(self):
-        handler, sizes = RosStreamHandler(), []
-        with mock.patch.object(log, "_write_at_once", lambda stream, size, write: sizes.append(size < log.AT_ONCE)):
-            for name, value in ("msg", "a bowl"), ("msg", "\u4e8c" * 1000), ("stack_info", "here\n" * 400), \
-                    ("exc_info", (OSError, OSError("x" * 1600), None)):
-                line = record("a bowl")
-                setattr(line, name, value)
-                log._write_to_terminal(handler, print, line)
-        self.assertEqual([True, False, False, False], sizes)
+        for by_thread, name, value in (0, "msg", "a bowl"), (1, "msg", "\u4e8c" * 1000), \
+                (1, "stack_info", "here\n" * 400), (1, "exc_info", (OSError, OSError("x" * 1600), None)):
+            handler, line = RosStreamHandler(stdout=io.StringIO()), record("a bowl")
+            line.args = None  # as logging.handlers.QueueHandler makes it
+            setattr(line, name, value)
+            with mock.patch.object(log, "_taken", []), mock.patch.object(
+                    log, "_terminal", mock.MagicMock(__bool__=lambda caller: False)) as later:
+                log.hold_nobody_up([handler])
+                handler.emit(line)
+            self.assertEqual(by_thread, later.call.call_count)
 
     def test_thread_of_the_log_sleeps_until_there_is_news(self):
         with mock.patch.object(log, "time") as clock:

@@ -30,6 +30,7 @@ READ_WITHIN = 0.2  # s that a terminal may keep whoever logs, once
 
 _rosout = logging.getLogger("rosout")  # rospy's
 _taken: list = []  # the handlers, as long as nobody has to wait for them
+_usual: list = []  # the terminal's, if its lines have rospy's own form
 _soon: collections.deque = collections.deque(maxlen=WAITING)  # lines on goals: functions that return them
 
 
@@ -67,16 +68,15 @@ def show():
     file get them at the next catch_up(). Without it, a first feedback waits 0.3 ms for rospy's own way to a line."""
     if not _soon:
         return
-    terminal = next((one for one in _taken if isinstance(one, RosStreamHandler)), None)
-    if not terminal or "ROSCONSOLE_FORMAT" in os.environ or not rospy.rostime.is_wallclock() or \
-            not _rosout.isEnabledFor(logging.INFO) or logging.INFO < terminal.level:
+    terminal = _usual and _usual[0]
+    if not terminal or not rospy.rostime.is_wallclock() or not _rosout.isEnabledFor(logging.INFO) or \
+            logging.INFO < terminal.level:
         return catch_up()
     for line in _taken_off():
         text = line()
         if not isinstance(text, _Shown):
             text = _Shown(text)
-            _write_at_once(terminal._stdout, len(text.encode("utf-8", "replace")), functools.partial(
-                _write, terminal, terminal._stdout.write, "[INFO] [%f]: %s\n" % (time.time(), text)))
+            terminal._stdout.write("[INFO] [%f]: %s\n" % (time.time(), text))
         _soon.append(lambda text=text: text)
 
 
@@ -87,15 +87,15 @@ def hold_nobody_up(handlers):
     that is closed or full raises in the midst of a goal (rosgraph/roslogging.py, RosStreamHandler).
     """
     for handler in handlers:
-        write = functools.partial(_write, handler, handler.emit)
         handler.handleError = functools.partial(_say_once, handler, [])
         if isinstance(handler, RosStreamHandler):
             need("rospy", handler, "_stdout", "_stderr")
             handler.before = handler._stdout, handler._stderr
-            handler._stdout, handler._stderr = map(_own, handler.before)
-            emit = functools.partial(_write_to_terminal, handler, write)
+            handler._stdout, handler._stderr = (_Stream(_own(one), handler.handleError) for one in handler.before)
+            emit = functools.partial(_write_to_terminal, handler.emit)
+            _usual[:] = [] if "ROSCONSOLE_FORMAT" in os.environ else [handler]  # to look there takes 15 µs
         else:
-            emit = functools.partial(_write_later, write)
+            emit = functools.partial(_write_later, functools.partial(_write, handler, handler.emit))
         handler.emit = functools.partial(_write, handler, emit)
         _taken.append(handler)
 
@@ -183,6 +183,44 @@ class _Caller(collections.deque):
                 self.popleft()
 
 
+class _Stream:
+    """What the terminal's handler writes to in place of stream: at once, or in the thread if it may have to wait."""
+
+    def __init__(self, stream, failed):
+        self._stream, self._failed, self._file, self._is_terminal = stream, failed, None, False
+        with contextlib.suppress(AttributeError, OSError, ValueError):  # no file of the system's
+            self._file = stream.fileno()
+            self._is_terminal = os.isatty(self._file)
+
+    def __getattr__(self, name):  # rospy asks whether it is a terminal, which has colours
+        return getattr(self._stream, name)
+
+    def write(self, text):
+        if _terminal or len(text.encode("utf-8", "replace")) >= AT_ONCE or not self._takes_a_line():
+            _terminal.call(functools.partial(self._write, text))
+        elif self._is_terminal:  # it says so if it takes a byte: nobody may read it (ssh, and the network is gone)
+            written = threading.Event()
+            if _terminal.call(lambda: (self._write(text), written.set())):
+                written.wait(READ_WITHIN)
+            elif _terminal:
+                _terminal.popleft()()
+        else:
+            self._write(text)
+
+    def _takes_a_line(self):
+        if self._file is None:
+            return True
+        poll = select.poll()  # select() knows no file above 1023
+        poll.register(self._file, select.POLLOUT)
+        return bool(poll.poll(0))
+
+    def _write(self, text):
+        try:
+            self._stream.write(text)
+        except Exception as error:
+            self._failed(error)
+
+
 class _Shown(str):
     """A line that stands on the terminal."""
 
@@ -190,44 +228,25 @@ class _Shown(str):
 def _taken_off():
     """Returns the lines of soon(), which are the caller's from now on."""
     lines = []
-    with contextlib.suppress(IndexError):  # another thread has taken the last one
+    try:  # without contextlib, which would take 7 µs of a first feedback
         while _soon:
             lines.append(_soon.popleft())
+    except IndexError:  # another thread has taken the last one
+        pass
     return lines
 
 
 _terminal, _others = _Caller(0), _Caller(LATER)
 
 
-def _write_to_terminal(handler, write, record):
+def _write_to_terminal(emit, record):
     catch_up()
     if any(isinstance(one, _Shown) for one in record.args or ()):  # which may be a dict
         return
     record = _with_text(record)
     if "rospy/impl/" in record.pathname:  # its warnings quote what a peer has sent
         record.msg = printable(record.msg)
-    stream = handler._stdout if record.levelno < logging.WARNING else handler._stderr
-    size = len(logging.Formatter().format(record).encode("utf-8", "replace"))  # with the traceback, if there is one
-    _write_at_once(stream, size, functools.partial(write, record))
-
-
-def _write_at_once(stream, size, write):
-    """Call write(), which writes so many bytes to stream; in the thread, if it may have to wait."""
-    if _terminal or size >= AT_ONCE or not _takes_a_line(stream):
-        _terminal.call(write)
-    elif _is_terminal(stream):  # it says so if it takes a byte: nobody may read it (ssh, and the network is gone)
-        written = threading.Event()
-        if _terminal.call(lambda: (write(), written.set())):
-            written.wait(READ_WITHIN)
-        elif _terminal:
-            _terminal.popleft()()
-    else:
-        write()
-
-
-def _is_terminal(stream):
-    with contextlib.suppress(AttributeError, OSError, ValueError):  # no file of the system's
-        return os.isatty(stream.fileno())
+    emit(record)
 
 
 def _write_later(write, record):
@@ -243,14 +262,6 @@ def _with_text(record):
         record.msg = "%s, with %r: %s" % (record.msg, record.args, error)
     record.args = None
     return record
-
-
-def _takes_a_line(stream):
-    with contextlib.suppress(AttributeError, OSError, ValueError):  # no file of the system's
-        poll = select.poll()  # select() knows no file above 1023
-        poll.register(stream.fileno(), select.POLLOUT)
-        return bool(poll.poll(0))
-    return True
 
 
 def _write(handler, emit, record):
