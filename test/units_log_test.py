@@ -54,7 +54,7 @@ class LogUnits(UnitCase):
             self.assertEqual(([], ["a bowl", "a cup"]), (said, [line() for line in log._soon]))
             log.catch_up()
             with mock.patch.dict("os.environ", ROSCONSOLE_FORMAT="mine"), mock.patch.object(log, "_usual", []) as none:
-                log.hold_nobody_up([RosStreamHandler()])
+                log.hold_nobody_up([RosStreamHandler(), logging.NullHandler()])
             for number, other in enumerate((
                     mock.patch.object(log, "_usual", none), mock.patch.object(terminal, "level", 30),
                     mock.patch.object(rospy.rostime, "_rostime_current", rospy.Time(1)))):
@@ -71,10 +71,10 @@ class LogUnits(UnitCase):
         self.assertEqual(["a plate"] * 3, said)
 
     def test_line_waits_for_a_stream_that_takes_none_and_where_none_can_be_asked_for_none(self):
-        read, full = os.pipe2(os.O_NONBLOCK)
+        handler, (read, full) = mock.Mock(handleError=self.fail), os.pipe2(os.O_NONBLOCK)
         with open(read, "rb"), io.TextIOWrapper(io.FileIO(full, "w"), write_through=True) as pipe, \
                 mock.patch.object(log, "_terminal", mock.MagicMock()) as later:
-            stream = log._Stream(pipe, self.fail)
+            stream = log._Stream(pipe, handler)
             stream.write("a bowl")  # after those that wait
             self.assertEqual(1, later.call.call_count)
             later.__bool__.return_value = False
@@ -87,21 +87,21 @@ class LogUnits(UnitCase):
             self.assertEqual(3, later.call.call_count)
             for error in AttributeError, OSError, ValueError:
                 other = mock.Mock(fileno=mock.Mock(side_effect=error))
-                log._Stream(other, self.fail).write("a bowl")
+                log._Stream(other, handler).write("a bowl")
                 other.write.assert_called_once_with("a bowl")
             self.assertEqual(3, later.call.call_count)
 
     def test_line_stands_on_a_terminal_that_takes_it_when_the_call_returns(self):
-        said, ends = [], os.openpty()
+        said, handler, ends = [], mock.Mock(handleError=self.fail), os.openpty()
         terminal = mock.Mock(fileno=lambda: ends[1], write=lambda text: (
             time.sleep(0.05), said.append((text, threading.current_thread() is threading.main_thread()))))
-        self.assertIs(terminal.isatty, log._Stream(terminal, self.fail).isatty, "rospy has colours for a terminal")
+        self.assertIs(terminal.isatty, log._Stream(terminal, handler).isatty, "rospy has colours for a terminal")
         with mock.patch.multiple(log, _terminal=log._Caller(0), READ_WITHIN=30):
-            log._Stream(terminal, self.fail).write("a bowl")
+            log._Stream(terminal, handler).write("a bowl")
         self.assertEqual([("a bowl", False)], said)
         with mock.patch.object(threading.Thread, "start", side_effect=RuntimeError), \
                 mock.patch.object(log, "_terminal", log._Caller(0)) as caller:
-            log._Stream(terminal, self.fail).write("where no thread can be had")
+            log._Stream(terminal, handler).write("where no thread can be had")
             self.assertEqual((2, 0), (len(said), len(caller)))
             for _ in range(2 * log.WAITING):
                 caller.call(print)
@@ -176,7 +176,8 @@ class LogUnits(UnitCase):
     def test_line_that_may_not_fit_into_a_pipe_goes_by_the_thread(self):
         for by_thread, name, value in (0, "msg", "a bowl"), (1, "msg", "\u4e8c" * 1000), \
                 (1, "stack_info", "here\n" * 400), (1, "exc_info", (OSError, OSError("x" * 1600), None)):
-            handler, line = RosStreamHandler(stdout=io.StringIO()), record("a bowl")
+            handler, line = RosStreamHandler(stdout=io.StringIO(), stderr=io.StringIO()), record("a bowl")
+            line.levelno = logging.WARNING if name == "stack_info" else logging.INFO  # stderr, stdout
             line.args = None  # as logging.handlers.QueueHandler makes it
             setattr(line, name, value)
             with mock.patch.object(log, "_taken", []), mock.patch.object(

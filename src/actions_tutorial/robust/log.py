@@ -91,7 +91,7 @@ def hold_nobody_up(handlers):
         if isinstance(handler, RosStreamHandler):
             need("rospy", handler, "_stdout", "_stderr")
             handler.before = handler._stdout, handler._stderr
-            handler._stdout, handler._stderr = (_Stream(_own(one), handler.handleError) for one in handler.before)
+            handler._stdout, handler._stderr = (_Stream(_own(one), handler) for one in handler.before)
             emit = functools.partial(_write_to_terminal, handler.emit)
             _usual[:] = [] if "ROSCONSOLE_FORMAT" in os.environ else [handler]  # to look there takes 15 µs
         else:
@@ -184,10 +184,11 @@ class _Caller(collections.deque):
 
 
 class _Stream:
-    """What the terminal's handler writes to in place of stream: at once, or in the thread if it may have to wait."""
+    """What handler, the terminal's, writes to in place of stream: at once, or in the thread if it may have to wait."""
 
-    def __init__(self, stream, failed):
-        self._stream, self._failed, self._file, self._is_terminal = stream, failed, None, False
+    def __init__(self, stream, handler):
+        self._stream, self._file, self._is_terminal = stream, None, False
+        self._write = functools.partial(_write, handler, stream.write)
         with contextlib.suppress(AttributeError, OSError, ValueError):  # no file of the system's
             self._file = stream.fileno()
             self._is_terminal = os.isatty(self._file)
@@ -213,12 +214,6 @@ class _Stream:
         poll = select.poll()  # select() knows no file above 1023
         poll.register(self._file, select.POLLOUT)
         return bool(poll.poll(0))
-
-    def _write(self, text):
-        try:
-            self._stream.write(text)
-        except Exception as error:
-            self._failed(error)
 
 
 class _Shown(str):
@@ -264,11 +259,12 @@ def _with_text(record):
     return record
 
 
-def _write(handler, emit, record):
+def _write(handler, write, line):
+    """Call write(line): a record, or the text of one."""
     try:
-        emit(record)
+        write(line)
     except Exception:
-        handler.handleError(record)
+        handler.handleError(line)
 
 
 def _say_once(handler, said, _):
