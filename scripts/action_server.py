@@ -1,6 +1,6 @@
-#!/usr/bin/python3
-"""plain_action_server.py, mended: it stops at once, and ends every goal."""
-from actions_tutorial import robust  # first, or an early Ctrl-C leaves a traceback
+#!/usr/bin/env python3
+"""The action server of the posts: washes dishes, one bowl a second."""
+import actionlib
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesFeedback, WashTheDishesResult
 import rospy
 
@@ -10,28 +10,32 @@ class ActionServer:
 
     def __init__(self):
         # auto_start=False: once started it may call execute_cb at any moment, and that needs self.a_server.
-        self.a_server = robust.SimpleActionServer(
+        self.a_server = actionlib.SimpleActionServer(
             "wash_dishes_as", WashTheDishesAction, execute_cb=self.execute_cb, auto_start=False)
         self.a_server.start()
+        rospy.loginfo("wash_dishes_as waits for goals")
 
     def execute_cb(self, goal):
-        """Wash goal.number_of_minutes bowls, in the server's thread. Each goal ends with one call of set_succeeded,
-        set_preempted or set_aborted."""
+        """Wash goal.number_of_minutes bowls. Called in a thread of the server's, with one goal after the other."""
         if goal.number_of_minutes < 0:
-            return self.a_server.set_aborted(text="number_of_minutes is %d, must be 0 or more" % goal.number_of_minutes)
-        result = WashTheDishesResult()
-        # 1 a second: nothing is really washed, so a minute need not last longer.
-        rate = self.a_server.rate(1)  # robust's own: a stop ends its sleep()
+            self.a_server.set_aborted(text="number_of_minutes is %d, must be 0 or more" % goal.number_of_minutes)
+            return
+        result = WashTheDishesResult()  # a new one for each goal: two goals must not share a message
+        feedback = WashTheDishesFeedback()
+        rate = rospy.Rate(1)  # once a second: nothing is really washed, so a minute need not last longer
         for minute in range(goal.number_of_minutes):
-            # A robot's own work goes here, in short steps: during a step nothing can stop the goal.
-            result.dishes_washed.append("bowl-%d" % minute)
-            self.a_server.publish_feedback(WashTheDishesFeedback(last_dish_washed="bowl-%d" % minute))
-            if not rate.sleep():  # a cancel, a newer goal or Ctrl-C
-                return self.a_server.set_preempted(result)
+            if self.a_server.is_preempt_requested():  # a cancel or a newer goal
+                self.a_server.set_preempted(result)
+                return
+            # The robot's own work goes here, in short steps: during a step nothing can stop the goal.
+            feedback.last_dish_washed = "bowl-%d" % minute
+            result.dishes_washed.append(feedback.last_dish_washed)
+            self.a_server.publish_feedback(feedback)
+            rate.sleep()
         self.a_server.set_succeeded(result)
 
 
 if __name__ == "__main__":
-    robust.init_node("action_server")
+    rospy.init_node("action_server")
     ActionServer()
     rospy.spin()

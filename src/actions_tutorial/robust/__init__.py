@@ -1,37 +1,38 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Stand-ins for what rospy and actionlib offer a node: the same calls, with the gaps behind them closed.
+"""Action servers and clients that behave well for their goals: the calls of actionlib, and a few more.
 
     from actions_tutorial import robust
 
-robust.init_node, robust.get_param, robust.SimpleActionServer and robust.SimpleActionClient take the place of
-rospy.init_node, rospy.get_param, actionlib.SimpleActionServer and actionlib.SimpleActionClient; whatever else actionlib
-has, robust has, too. Import it first: while it and the messages of its package are loaded, Ctrl-C leaves no traceback.
+robust.SimpleActionServer and robust.SimpleActionClient take the place of actionlib's classes of the same names. What
+else actionlib has, robust has, too. doc/robust.md is the reference.
+
+Importing this module registers one function with rospy.on_shutdown, and changes nothing else.
 """
-import contextlib
-import importlib
-import signal
-import sys
-import threading
+import time
 
-__version__ = "1.1.0"
+import rospy
+from actionlib import *  # noqa: F401, F403  # what is not replaced below
 
-# While the imports below take half a second, Ctrl-C ends the program without a traceback; then it is as it was.
-_quiet = threading.current_thread() is threading.main_thread() and "rospy" not in sys.modules and \
-    not hasattr(sys, "ps1") and signal.getsignal(signal.SIGINT) is signal.default_int_handler
-if _quiet:
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-# rospy complains of these when it is imported, and does not say what is allowed. init_node does.
-_argv, sys.argv = sys.argv, [argument for argument in sys.argv if argument.count(":=") < 2]
+from . import client, server
+from .client import SimpleActionClient  # noqa: F401
+from .server import SimpleActionServer  # noqa: F401
 
-from actionlib import *  # noqa: E402, F401, F403  # what is not replaced below
-from .client import SimpleActionClient  # noqa: E402, F401
-from .node import init_node  # noqa: E402, F401
-from .parameters import get_param  # noqa: E402, F401
-from .server import SimpleActionServer  # noqa: E402, F401
+__version__ = "2.0.0"
 
-with contextlib.suppress(ImportError, ValueError):  # if the package around this has messages, its nodes load them next
-    importlib.import_module("..msg", __package__)
 
-sys.argv = _argv
-if _quiet:
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+def _on_shutdown() -> None:
+    """End the goals of this node. This function was registered first, so it is called first, and asks servers and
+    clients to stop. The one that it registers is called last, and waits: the program's own functions are not delayed.
+    """
+    waits = [one._begin_shutdown() for one in [*server.servers, *client.clients]]
+
+    def wait_for_outcomes() -> None:
+        for wait in filter(None, waits):
+            wait()
+        time.sleep(0.1)  # rospy sends from threads of its own
+
+    if any(waits):
+        rospy.on_shutdown(wait_for_outcomes)
+
+
+rospy.on_shutdown(_on_shutdown)

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A rate whose sleep() a stop ends."""
+"""A rate for the work on a goal: its sleep() ends at once when the goal should stop.
+
+Used of rospy though its documentation does not list it: rospy.rostime.get_rostime_cond(), a condition that each message
+of /clock notifies, since no other wait on the ROS clock can be ended by another thread; rospy.rostime.is_wallclock();
+rospy.Rate's last_time and sleep_dur, which sleep() advances as rospy's own does.
+"""
 from __future__ import annotations
 
 from typing import Callable
@@ -10,46 +15,47 @@ _wakes = 0  # calls of wake()
 
 
 class Rate(rospy.Rate):
-    """Like rospy.Rate, and sleep() ends early as soon as stop_requested() (bool) is true; wake() makes it look.
+    """A rospy.Rate whose sleep() ends early when should_stop() returns True.
 
-    It waits on the condition that rospy notifies at each message of /clock and wake() at each request to stop, so the
-    wait is exact in real and in simulated time, without polling. That lock is the innermost: with it held, nothing else
-    is locked, and stop_requested() is called without it, for a subclass may lock something there.
+    hz: 1/s, on the ROS clock.
+    should_stop: asked when sleep() begins and after each wake(), with no lock held.
     """
 
-    def __init__(self, hz: float, stop_requested: Callable[[], bool]) -> None:
+    def __init__(self, hz: float, should_stop: Callable[[], bool]) -> None:
         super().__init__(hz)
-        self.last_time: rospy.Time
-        self._stop_requested = stop_requested
+        self._should_stop = should_stop
 
     def sleep(self) -> bool:
-        """Sleeps until the end of the period, on the ROS clock. Returns True then, and False at once when a stop is
-        asked for. Late, or after the clock has jumped ahead, it does what rospy.Rate does; when that is set back, it
-        begins a whole period, where rospy.Rate raises."""
-        called, clock = rospy.Time.now(), rospy.rostime.get_rostime_cond()
+        """Sleep until the end of the period. A late call catches up as with rospy.Rate; if the clock is set back, a new
+        period begins.
+
+        Returns True at the end of the period, False at once when the goal should stop.
+        """
+        clock = rospy.rostime.get_rostime_cond()
+        called = rospy.get_rostime()
         while True:
-            wakes = _wakes
-            if self._stop_requested():  # without the lock: a program that overrides it may take one of its own
+            seen = _wakes
+            if self._should_stop():
                 return False
             with clock:
-                if self.last_time.is_zero():  # the simulated clock had not begun
-                    self.last_time = rospy.Time.now()
-                left = self.remaining()  # a whole period again if the clock was set back
+                now = rospy.get_rostime()
+                called = min(called, now)  # the clock may have been set back
+                if self.last_time.is_zero():  # the rate was made before simulated time began
+                    self.last_time = now
+                left = self.remaining()
                 if left <= rospy.Duration():
                     self.last_time += self.sleep_dur
-                    called = min(called, rospy.Time.now())  # the clock may have been set back since
-                    if called - self.last_time > self.sleep_dur * 2:  # too late to catch up: start afresh
+                    if called - self.last_time > self.sleep_dur * 2:  # too late to catch up
                         self.last_time = called
                     return True
-                if wakes == _wakes:
+                if seen == _wakes:
                     clock.wait(left.to_sec() if rospy.rostime.is_wallclock() else None)
 
 
-def wake():
-    """Make each Rate that sleeps look whether to stop."""
+def wake() -> None:
+    """Let each Rate that sleeps ask again whether to stop."""
     global _wakes
     clock = rospy.rostime.get_rostime_cond()
-    _wakes += 1  # without the lock: a signal handler of rospy's may hold it that waits for this
-    if clock.acquire(timeout=0.1):
+    with clock:
+        _wakes += 1
         clock.notify_all()
-        clock.release()

@@ -1,0 +1,39 @@
+#!/usr/bin/env python3
+"""action_server.py on robust: goals start and stop at once, and always end."""
+from actions_tutorial import robust
+from actions_tutorial.msg import WashTheDishesAction, WashTheDishesFeedback, WashTheDishesResult
+import rospy
+
+
+class ActionServer:
+    """Serves wash_dishes_as (actions_tutorial/WashTheDishesAction), one goal at a time."""
+
+    def __init__(self):
+        # auto_start=False: once started it may call execute_cb at any moment, and that needs self.a_server.
+        self.a_server = robust.SimpleActionServer(
+            "wash_dishes_as", WashTheDishesAction, execute_cb=self.execute_cb, auto_start=False)
+        self.a_server.start()
+
+    def execute_cb(self, goal):
+        """Wash goal.number_of_minutes bowls. Called in a thread of the server's, with one goal after the other."""
+        if goal.number_of_minutes < 0:
+            self.a_server.set_aborted(text="number_of_minutes is %d, must be 0 or more" % goal.number_of_minutes)
+            return
+        result = WashTheDishesResult()  # a new one for each goal: two goals must not share a message
+        feedback = WashTheDishesFeedback()
+        rate = self.a_server.rate(1)  # once a second: nothing is really washed, so a minute need not last longer
+        for minute in range(goal.number_of_minutes):
+            # The robot's own work goes here, in short steps: during a step nothing can stop the goal.
+            feedback.last_dish_washed = "bowl-%d" % minute
+            result.dishes_washed.append(feedback.last_dish_washed)
+            self.a_server.publish_feedback(feedback)
+            if not rate.sleep():  # a cancel, a newer goal or a shutdown
+                self.a_server.set_preempted(result)
+                return
+        self.a_server.set_succeeded(result)
+
+
+if __name__ == "__main__":
+    rospy.init_node("robust_action_server")
+    ActionServer()
+    rospy.spin()
