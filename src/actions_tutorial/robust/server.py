@@ -10,8 +10,8 @@ Used of actionlib though its documentation does not list it:
   status_pub, result_pub and the message types.
 * of ServerGoalHandle: status_tracker. Its status can be read while a callback of the program holds the lock.
 
-Threads: one for execute_cb, a rospy.Timer that publishes the status, one that ends the goals on shutdown, and one for all
-servers that writes to the log. Goals and cancels come in rospy's. Order of the locks: action_server.lock, then lock.
+Threads: one for execute_cb; a rospy.Timer that publishes the status; one that ends the goals on shutdown; one, of all
+servers, that writes to the log. Goals and cancels come in rospy's. Order of the locks: action_server.lock, then lock.
 """
 from __future__ import annotations
 
