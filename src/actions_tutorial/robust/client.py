@@ -4,8 +4,8 @@
 There is one object for each goal (_Goal). It is made before the goal is sent, so no answer comes too early, and an
 earlier goal cannot spoil a later one.
 
-Used of actionlib though its documentation does not list it: action_client of SimpleActionClient, and of that pub_goal,
-pub_cancel, ActionGoal, ActionResult and ActionFeedback. Of messages: _type, the name of their type.
+Used of actionlib though its documentation does not list it: simple_state and action_client of SimpleActionClient, and
+pub_goal, pub_cancel, ActionGoal, ActionResult and ActionFeedback of action_client. Of messages: _type, the type's name.
 
 Threads: answers come in rospy's, one for each topic of a server. They record the answer and call feedback_cb. A daemon
 thread for each goal calls active_cb and done_cb and watches for silence. No lock is held while a callback runs.
@@ -116,6 +116,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         sent = _Goal(action_goal.goal_id.id, done_cb, active_cb, feedback_cb)
         with self.__changed:
             self.__goal = sent
+            self.simple_state = actionlib.SimpleGoalState.PENDING
             self.__changed.notify_all()  # the thread of the goal before ends
         try:
             threading.Thread(target=self.__follow, args=[sent], daemon=True).start()
@@ -253,9 +254,11 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         while goal is self.__goal and not goal.is_over and not is_expired():
             if goal.was_active and not goal.active_called:
                 goal.active_called = True
+                self.__show(goal, actionlib.SimpleGoalState.ACTIVE)
                 _call(goal.active_cb)
             elif goal.outcome is not None:
                 _call(goal.done_cb, goal.outcome, goal.result)
+                self.__show(goal, actionlib.SimpleGoalState.DONE)
                 with self.__changed:
                     goal.is_over = True
                     self.__changed.notify_all()
@@ -271,6 +274,12 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                     text = "server lost: silent for %.1f s (heartbeat_timeout is %g s)" % (goal.silence, patience)
                     if self.__end(goal, GoalStatus.LOST, text):
                         self.action_client.pub_cancel.publish(GoalID(id=goal.id))  # in case the server is only asleep
+
+    def __show(self, goal, simple_state):
+        """Set simple_state, which programs read though it is not documented."""
+        with self.__changed:
+            if goal is self.__goal:
+                self.simple_state = simple_state
 
     def _begin_shutdown(self) -> Optional[Callable[[], None]]:
         """For the library: cancel the goal if that was asked for. Returns a function that waits for the outcome."""

@@ -6,7 +6,7 @@ Used of actionlib though its documentation does not list it:
   action_server, lock, execute_callback, execute_thread, goal_callback, preempt_callback, current_goal, next_goal,
   new_goal, preempt_request. It offers no other way to start goals without a poll, or to end one that waits.
 * of ActionServer: initialize, publish_result, publish_feedback, internal_goal_callback and internal_cancel_callback,
-  which are overridden; lock, started, status_list, status_timer, status_frequency, pub_queue_size, last_cancel,
+  which are overridden; lock, started, status_list, status_timer, status_frequency, last_cancel,
   status_pub, result_pub and the message types.
 * of ServerGoalHandle: status_tracker. Its status can be read while a callback of the program holds the lock.
 
@@ -31,7 +31,6 @@ from actionlib_msgs.msg import GoalStatus, GoalStatusArray
 from . import rate
 
 SHUTTING_DOWN = "the server is shutting down"
-RESULT_QUEUE = 1000  # messages; a burst of goals ends in a burst of results
 _WAITING = GoalStatus.PENDING, GoalStatus.RECALLING
 _RUNNING = GoalStatus.ACTIVE, GoalStatus.PREEMPTING
 STATE_NAMES = {value: name for name, value in vars(GoalStatus).items() if name.isupper()}
@@ -287,11 +286,6 @@ class _ActionServer(actionlib.ActionServer):
 
     def initialize(self):
         super().initialize()
-        # actionlib's queue of 50 drops results when hundreds of goals end at once.
-        result_pub = self.result_pub
-        self.result_pub = rospy.Publisher(
-            result_pub.resolved_name, self.ActionResult, queue_size=max(self.pub_queue_size, RESULT_QUEUE))
-        result_pub.unregister()
         if self.status_timer:
             # actionlib's timer ends when the clock is set back.
             self.status_timer.shutdown()
