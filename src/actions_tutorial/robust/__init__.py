@@ -24,14 +24,14 @@ def _on_shutdown() -> None:
     """End the goals of this node. This function was registered first, so it is called first, and asks servers and
     clients to stop. The one that it registers is called last, and waits: the program's own functions are not delayed.
     """
-    waits = [one._begin_shutdown() for one in [*server.servers, *client.clients]]
+    waits: list = list(filter(None, [one._begin_shutdown() for one in [*server.servers, *client.clients]]))
 
     def wait_for_outcomes() -> None:
-        for wait in filter(None, waits):
+        for wait in waits:
             wait()
         time.sleep(0.1)  # rospy sends from threads of its own
 
-    if any(waits):
+    if waits:
         rospy.on_shutdown(wait_for_outcomes)
 
 

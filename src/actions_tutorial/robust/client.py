@@ -288,14 +288,13 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             return None
         self.cancel_goal()
         deadline = time.monotonic() + CANCELLED_WITHIN
+        return lambda: self.__wait_for_outcome(goal, deadline)
 
-        def wait_for_outcome() -> None:
-            with self.__changed:
-                self.__changed.wait_for(lambda: goal.is_over, max(0, deadline - time.monotonic()))
-                self.__end(goal, GoalStatus.LOST, "a cancel was sent on shutdown, and no outcome came within %g s" %
-                           CANCELLED_WITHIN)
-
-        return wait_for_outcome
+    def __wait_for_outcome(self, goal, deadline):
+        with self.__changed:
+            self.__changed.wait_for(lambda: goal.is_over, max(0, deadline - time.monotonic()))
+            self.__end(goal, GoalStatus.LOST, "a cancel was sent on shutdown, and no outcome came within %g s" %
+                       CANCELLED_WITHIN)
 
 
 class _Goal:

@@ -23,6 +23,7 @@ class Rate(rospy.Rate):
 
     def __init__(self, hz: float, should_stop: Callable[[], bool]) -> None:
         super().__init__(hz)
+        self.last_time: rospy.Time
         self._should_stop = should_stop
 
     def sleep(self) -> bool:
