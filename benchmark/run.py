@@ -14,7 +14,7 @@ try:
     import rospy
 
     from samples import FULL, QUICK, Benchmark  # and it finds what is in test/
-    from processes import Master
+    from harness import Master
 except ImportError as error:
     sys.exit("benchmark: %s; run it as ./tutorial benchmark, which sources the workspace" % error)
 from report import report

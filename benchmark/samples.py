@@ -17,9 +17,7 @@ import rospy
 from actions_tutorial.msg import WashTheDishesActionFeedback
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.realpath(__file__)), "..", "test"))
-from raw_client import ACTIVE, RawClient  # noqa: E402
-from processes import PACKAGE, bowls, eventually  # noqa: E402
-from simulated_clock import SimulatedClock  # noqa: E402
+from harness import ACTIVE, PACKAGE, RawClient, SimulatedClock, bowls, eventually  # noqa: E402
 
 SERVERS = {"ours": "scripts/action_server.py", "plain": "scripts/plain_action_server.py",
            "floor": "benchmark/ping_pong.py"}

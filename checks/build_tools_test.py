@@ -7,7 +7,7 @@ import shutil
 import pytest
 
 from conftest import ROOT
-from processes import Process, check_client, run
+from harness import Process, check_client, run
 
 TOOLS = {  # the commands, and the space that they fill
     "catkin_make": (["catkin_make"], "devel"),

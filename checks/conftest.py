@@ -15,7 +15,7 @@ import pytest
 
 ROOT = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
 sys.path.insert(0, os.path.join(ROOT, "test"))
-from processes import Group, Master, Process, eventually, run  # noqa: E402
+from harness import Group, Master, Process, eventually, run  # noqa: E402
 
 
 def pytest_configure():

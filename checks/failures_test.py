@@ -11,7 +11,7 @@ import threading
 import pytest
 
 from conftest import Machine
-from processes import bound_socket, eventually
+from harness import bound_socket, eventually
 
 pytestmark = pytest.mark.needs("root", "debootstrap", "ip", "nsenter")
 CHECKOUT, COPY, WORKSPACE = "/srv/actions_tutorial", "/srv/copy", "/home/learner/workspace"

@@ -6,7 +6,7 @@ import subprocess
 import pytest
 
 from conftest import ROOT, Machine
-from processes import Process, check_client, check_seconds, run
+from harness import Process, check_client, check_seconds, run
 
 pytestmark = pytest.mark.needs("root", "debootstrap", "ip", "nsenter", "ss")
 

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from processes import bowls, eventually, run
+from harness import bowls, eventually, run
 
 HERE = os.path.dirname(os.path.realpath(__file__))
 # axclient.py: its window's size, the parts' place in it, pixels from the top or, negative, from the bottom; its colours

@@ -14,7 +14,7 @@ import subprocess
 import pytest
 
 from conftest import ROOT
-from processes import run
+from harness import run
 
 PAGES = ["README.md"] + sorted("doc/" + name for name in os.listdir(os.path.join(ROOT, "doc")) if name.endswith(".md"))
 EDIT = re.compile("(Save this|Change) .*`~/([^`]*)`:$")  # stands above what a reader saves

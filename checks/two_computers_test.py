@@ -3,7 +3,7 @@ import time
 
 import pytest
 
-from processes import Group, check_client, run
+from harness import Group, check_client, run
 
 pytestmark = pytest.mark.needs("root", "ip", "nsenter")
 HEARTBEAT_TIMEOUT, SERVER_TIMEOUT = 3, 6  # s

@@ -20,7 +20,7 @@ import pytest
 
 from conftest import ROOT
 from pages_test import EDIT, PAGES, blocks_of
-from processes import bound_socket
+from harness import bound_socket
 
 LIMIT = 300  # s to wait for what the page shows, many times what it takes; Debian 11 builds GMock, too
 PROMPT = "README> "
