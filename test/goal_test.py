@@ -1,89 +1,112 @@
-#!/usr/bin/python3
-"""The life of a goal: each bowl in its second, and one ending, on a clock that runs fast, stands still or is set back.
-random_order_test.py has what clients do meanwhile."""
-import signal
+#!/usr/bin/env python3
+"""A goal: when it is accepted, how long it takes, and when another one takes its place."""
 import time
+import unittest
 
+from actionlib_msgs.msg import GoalStatus
+from actions_tutorial import robust
+from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
 import rospy
 import rostest
 
-from raw_client import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
-from scenes import ServerCase
-from processes import bowls, check_client
+from harness import ABORTED, PREEMPTED, RECALLED, SUCCEEDED, RawClient, eventually, wait_connected
 
 
-class TestGoal(ServerCase):
+class TestGoal(unittest.TestCase):
 
-    def test_each_bowl_and_the_result_have_their_second_without_drift(self):
-        begun = self.clock.now
-        goal_id = self.scene.send(60)
-        for count in range(1, 61):
-            self.scene.wait_bowls(goal_id, count)
-            self.clock.turn(0.999, self.scene)  # too early still
-            self.clock.turn(0.001)
-        result = self.scene.check_ending(goal_id, SUCCEEDED, bowls(60))
-        self.server.expect("goal SUCCEEDED")  # while the clock stands, and with it the heartbeat
-        seconds = [(message.header.stamp - begun).to_sec() for message in self.scene.feedback[goal_id] + [result]]
-        self.assertEqual([float(i) for i in range(61)], seconds, "seconds of bowls and result on the ROS clock")
-        states = [state for state in self.scene.states[goal_id] if state != 0]  # PENDING may be too short to be seen
-        self.assertEqual([ACTIVE, SUCCEEDED], states, str(self.scene))
+    @classmethod
+    def setUpClass(cls):
+        rospy.init_node("goal_test")
+        cls.client = robust.SimpleActionClient("wash_dishes_as", WashTheDishesAction)
+        wait_connected(cls.client)
+        cls.raw = RawClient().wait_connected()
 
-    def test_goal_of_any_id_and_stamp_is_served_and_shuts_nobody_out(self):
-        for unusual in ({"goal_id": "", "stamp": rospy.Time()}, {"goal_id": "long " * 200000},  # a megabyte
-                        {"stamp": rospy.Time(4000000000)}, {"stamp": rospy.Time(1)}):
-            for options in unusual, {}:
-                known = set(self.scene.feedback)
-                self.scene.send(1, **options)
-                self.scene.wait(lambda: set(self.scene.feedback) - known, "feedback for a goal with %.99s" % options)
-                goal_id, = set(self.scene.feedback) - known  # without an id, it is one of the server's
-                self.finish(goal_id, 1)
+    def wash(self, minutes):
+        """Send a goal and wait until it is over. Returns the seconds that it took."""
+        begun = time.monotonic()
+        self.client.send_goal(WashTheDishesGoal(number_of_minutes=minutes))
+        self.assertTrue(self.client.wait_for_result(rospy.Duration(10)), "no outcome")
+        return time.monotonic() - begun
 
-    def test_cancel_before_the_goal_itself_comes(self):
-        self.scene.cancel("early")
-        self.scene.wait(lambda: self.clock.turn(0.25) or "early" in self.scene.states, "the cancel to be kept")
-        self.scene.send(5, "early")
-        self.assertIn("cancelled", self.scene.check_ending("early", RECALLED, []).status.text)
-        self.scene.check_ending(self.scene.send(-1), ABORTED, [])
-        self.assertNotIn("ignored", self.server.stderr)
+    def test_goal_is_accepted_and_active(self):
+        accepted = []
+        self.client.send_goal(WashTheDishesGoal(number_of_minutes=1), active_cb=lambda: accepted.append(True))
+        eventually(lambda: accepted, "active_cb is called")
+        self.assertEqual(GoalStatus.ACTIVE, self.client.get_state())
+        self.client.wait_for_result(rospy.Duration(10))
 
-    def test_burst_ends_every_goal_once_and_washes_the_last(self):
-        for count in (20, 500):
-            goals, last = [self.scene.send(2) for _ in range(count - 1)], self.wash(2, 1)
-            self.finish(last, 2)
-            self.assertNotIn(RECALLED, self.scene.states[last])
-            for goal_id in goals:
-                self.scene.wait(lambda: self.scene.ended(goal_id), "an ending of %s" % goal_id)
-                endings = [result.status.status for result in self.scene.results.get(goal_id, [])]
-                # Of so many results at once, actionlib drops some: its queue has room for 50.
-                self.assertIn(endings, ([PREEMPTED], [RECALLED]) + ([],) * (count > 50), goal_id)
-            self.assertLessEqual(self.scene.active_at_once, 1, "goals ACTIVE at once")
+    def test_no_minutes_succeed_at_once(self):
+        self.assertLess(self.wash(0), 0.7)
+        self.assertEqual(GoalStatus.SUCCEEDED, self.client.get_state())
 
-    def test_client_is_patient_while_the_clock_stands_and_when_it_jumps_while_the_server_is_stopped(self):
-        self.clock.run(0.02, 0.02)  # slowly: it is to be stopped within the second after a bowl
-        client = self.scene.client(3, "_heartbeat_timeout:=0.6")
-        client.expect("bowl-1")
-        self.clock.stop()
-        with self.assertRaises(AssertionError, msg="a bowl while the clock stands"):
-            client.expect("bowl-2", timeout=6)  # the fault itself: longer than the patience with a server that lives
-        self.server.signal(signal.SIGSTOP)
-        time.sleep(1)  # the client looks after its last status
-        self.clock.turn(1000)
-        time.sleep(1)  # the fault itself: the client looks again
-        self.assertTrue(client.running(), client)
-        self.server.signal(signal.SIGCONT)
-        self.clock.run(0.08, 0.02)
-        check_client(client, 0, 3)
-        self.assertEqual("", client.stderr, "expected no alarm")
+    def test_one_minute_takes_one_second(self):
+        self.assertAlmostEqual(1, self.wash(1), delta=0.7)
+        self.assertEqual(GoalStatus.SUCCEEDED, self.client.get_state())
 
-    def test_client_washes_on_when_the_clock_is_set_back(self):
-        self.clock.run(0.08, 0.02)
-        client = self.scene.client(5, "_heartbeat_timeout:=3")
-        client.expect("bowl-1")
-        self.clock.turn(-100)
-        client.wait(20)  # the 100 s would take 25 s on this clock
-        check_client(client, 0, 5)
-        # Its next client works too, which hears the server's status, sent by a timer on the clock that was set back.
-        check_client(self.scene.client(20, "_heartbeat_timeout:=2"), 0, 20)  # which take 5 s on this clock
+    def test_three_minutes_take_three_seconds(self):
+        self.assertAlmostEqual(3, self.wash(3), delta=0.7)
+        self.assertEqual(GoalStatus.SUCCEEDED, self.client.get_state())
+
+    def test_negative_minutes_are_aborted_and_named(self):
+        self.wash(-3)
+        self.assertEqual(GoalStatus.ABORTED, self.client.get_state())
+        self.assertEqual("number_of_minutes is -3, must be 0 or more", self.client.get_goal_status_text())
+
+    def test_goal_after_an_aborted_one_succeeds(self):
+        self.wash(-2**31)
+        self.wash(0)
+        self.assertEqual(GoalStatus.SUCCEEDED, self.client.get_state())
+
+    def test_newer_goal_takes_over(self):
+        older = self.raw.send(60)
+        self.raw.wait_bowls(older, 1)
+        newer = self.raw.send(1)
+        self.assertEqual(PREEMPTED, self.raw.wait_result(older).status.status)
+        self.assertEqual(SUCCEEDED, self.raw.wait_result(newer).status.status)
+
+    def test_newer_goal_starts_within_the_servers_time(self):
+        older = self.raw.send(60)
+        self.raw.wait_bowls(older, 1)
+        newer = self.raw.send(1)
+        self.raw.wait_bowls(newer, 1)
+        waited = self.raw.times[newer, "bowl-0"] - self.raw.times[newer, "sent"]
+        self.assertLess(waited, rospy.get_param("stops_within", 2))
+        self.raw.wait_result(newer)
+
+    def test_last_of_many_goals_is_washed_alone(self):
+        *older, newest = [self.raw.send(minutes) for minutes in [60] * 9 + [1]]
+        self.assertEqual(SUCCEEDED, self.raw.wait_result(newest).status.status)
+        for goal_id in older:
+            self.assertIn(self.raw.wait_result(goal_id).status.status, [PREEMPTED, RECALLED])
+        self.assertEqual(1, self.raw.active_at_once)
+
+    def test_goal_cancelled_while_it_waits_is_not_washed(self):
+        older = self.raw.send(60)
+        self.raw.wait_bowls(older, 1)
+        newer = self.raw.send(60)
+        self.raw.cancel(newer)
+        result = self.raw.wait_result(newer)
+        self.assertIn(result.status.status, [PREEMPTED, RECALLED])
+        # robust_action_server.py may have started it before the cancel came.
+        self.assertLessEqual(len(result.result.dishes_washed), 1)
+
+    def test_goal_cancelled_before_it_comes_is_recalled(self):
+        self.raw.cancel("early")
+        self.raw.wait(lambda: "early" in self.raw.states, "the cancel has come")
+        self.raw.send(1, goal_id="early")
+        self.raw.check_outcome("early", RECALLED, [])
+
+    def test_goal_that_comes_twice_is_washed_once(self):
+        goal_id = self.raw.send(1)
+        self.raw.send(1, goal_id)
+        self.raw.wait_result(goal_id)
+        self.raw.wait_result(self.raw.send(-1))  # after it, nothing comes of the second any more
+        self.raw.check_outcome(goal_id, SUCCEEDED, ["bowl-0"])
+
+    def test_hasty_goals_all_succeed_one_after_the_other(self):
+        for _ in range(5):
+            self.raw.check_outcome(self.raw.send(0), SUCCEEDED, [])
+        self.raw.check_outcome(self.raw.send(-1), ABORTED, [])
 
 
 if __name__ == "__main__":

@@ -268,6 +268,26 @@ def check_seconds(client, within):
 
 # Messages
 
+def is_heard(action, topics=("feedback", "result", "status")):
+    """Returns whether the server of action (str, with a slash at its end) sends those topics to this node. It is asked
+    itself: a subscriber counts a connection before it is one, and messages sent by then are lost."""
+    me = rospy.get_name()
+    try:
+        master = rosgraph.Master(me)
+        server, = dict(master.getSystemState()[0])[action + "result"]
+        connections = xmlrpc.client.ServerProxy(master.lookupNode(server)).getBusInfo(me)[2]
+    except (KeyError, ValueError, rosgraph.MasterError, OSError):  # none, several, or one that has just ended
+        return False
+    return {topic for _, to, way, _, topic, *_ in connections if (to, way) == (me, "o")} >= {
+        action + topic for topic in topics}
+
+
+def wait_connected(client, ns="wash_dishes_as"):
+    """Wait until the messages of a client of actionlib's or robust's go both ways. ns: the action's name."""
+    assert client.wait_for_server(rospy.Duration(50)), "expected a server of %s" % ns
+    eventually(lambda: is_heard(rospy.resolve_name(ns) + "/"), "a server of %s that sends to this node" % ns)
+
+
 class RawClient:
     """Sends goals and cancels of wash_dishes_as as plain messages, and keeps all that comes from the server.
 
@@ -296,19 +316,9 @@ class RawClient:
             end.unregister()
 
     def connected(self):
-        """Returns whether messages go both ways. The server is asked for its side: a subscriber counts a connection
-        before it is one, and messages sent by then are lost."""
-        me, ends = rospy.get_name(), [*self.publishers.values(), *self.subscribers.values()]
-        if not all(end.get_num_connections() for end in ends):
-            return False
-        try:
-            master = rosgraph.Master(me)
-            server, = dict(master.getSystemState()[0])[self.action + "result"]
-            connections = xmlrpc.client.ServerProxy(master.lookupNode(server)).getBusInfo(me)[2]
-        except (KeyError, ValueError, rosgraph.MasterError, OSError):  # none, several, or one that has just ended
-            return False
-        return {topic for _, to, way, _, topic, *_ in connections if (to, way) == (me, "o")} >= {
-            self.action + topic for topic in self.subscribers}
+        """Returns whether messages go both ways."""
+        ends = [*self.publishers.values(), *self.subscribers.values()]
+        return all(end.get_num_connections() for end in ends) and is_heard(self.action, self.subscribers)
 
     def wait_connected(self, *processes):
         """Wait until messages go both ways. processes: shown if they do not. -> self"""
