@@ -1,147 +1,189 @@
-#!/usr/bin/python3
-"""The client as its user sees it, for each parameter, ending and interruption: no goal is lost, and nobody hangs; and
-the service to compare the action with."""
-import os
+#!/usr/bin/env python3
+"""action_client.py and robust_action_client.py as their user sees them: output, exit status, arguments, Ctrl-C."""
 import signal
-import tempfile
 import time
+import unittest
 
+from actions_tutorial import robust
+from actions_tutorial.msg import WashTheDishesAction, WashTheDishesFeedback, WashTheDishesResult
 import rospy
 import rostest
-from actionlib_msgs.msg import GoalID
-from actions_tutorial.srv import AddTwoNumbers
 
-from processes import bowls, check_client, check_seconds, eventually, printed_bowls
-from raw_client import PREEMPTED, SUCCEEDED
-from scenes import SLACK, NodeCase, Scene, check_partial, check_quiet, concurrently
+from harness import Group, bowls, eventually, printed_bowls
 
 
-@concurrently(Scene)
-class TestClient(NodeCase):
+class Server:
+    """Serves wash_dishes_as in this process, ten bowls a second; a negative goal is ABORTED after one bowl. outcomes:
+    of the goals so far (str)."""
 
-    def test_stdout_is_the_posts_lines_seven_bowls_by_default_each_there_before_the_next(self, scene):
-        scene.server()
-        client = scene.node("action_client.py", PYTHONUNBUFFERED="")  # whoever calls us may have set it
-        self.assertEqual(0, client.wait(60), client)
-        self.assertEqual("".join('Feedback received: last_dish_washed: "%s"\n' % bowl for bowl in bowls(7))
-                         + "The result is: dishes_washed: \n" + "".join("  - %s\n" % bowl for bowl in bowls(7)),
-                         client.stdout)
-        self.assertEqual("", client.stderr)
-        # Were stdout a buffer, all lines would come at the end. They are a second apart; half of it tells the two from
-        # each other on a slow machine, too.
-        check_seconds(client, within=0.5)
+    def __init__(self):
+        self.outcomes = []
+        self.a_server = robust.SimpleActionServer(
+            "wash_dishes_as", WashTheDishesAction, execute_cb=self.execute_cb, auto_start=False)
+        self.a_server.start()
 
-    def test_server_and_client_on_one_terminal_tell_the_story_in_its_order(self, scene):
-        with tempfile.TemporaryFile("w+") as terminal:
-            scene.server(stdout=terminal)
-            client = scene.client(2, stdout=terminal)
-            self.assertEqual(0, client.wait(), client)
-            eventually(lambda: b"SUCCEEDED" in os.pread(terminal.fileno(), 9999, 0), "the server's last line", scene)
-            scene.stop()
-            terminal.seek(0)
-            said = terminal.read()
-        places = [said.find(words) for words in ("goal accepted", "bowl-0", "bowl-1", "goal SUCCEEDED: all done")]
-        self.assertEqual(sorted(places), places, said)
-        self.assertNotIn(-1, places, said)
+    def execute_cb(self, goal):
+        result, rate = WashTheDishesResult(), self.a_server.rate(10)
+        rate.sleep()  # or it may be too fast for actionlib's client, which can miss what comes while it sends
+        for bowl in bowls(abs(goal.number_of_minutes)):
+            result.dishes_washed.append(bowl)
+            self.a_server.publish_feedback(WashTheDishesFeedback(bowl))
+            if not rate.sleep():
+                self.a_server.set_preempted(result)
+                self.outcomes.append("PREEMPTED")
+                return
+            if goal.number_of_minutes < 0:
+                self.a_server.set_aborted(result, "out of water")
+                self.outcomes.append("ABORTED")
+                return
+        self.a_server.set_succeeded(result)
+        self.outcomes.append("SUCCEEDED")
 
-    def test_no_minutes_succeed_with_an_empty_result_and_the_smallest_goal_is_aborted_with_the_reason(self, scene):
-        scene.server()
-        for minutes, status, why in (0, 0, "^$"), (-2**31, 1, "ABORTED: .*-2147483648.*0 or more"):
-            client = scene.client(minutes)
-            self.assertEqual((status, "The result is: dishes_washed: []\n"), (client.wait(), client.stdout), client)
-            self.assertRegex(client.stderr, why, client)
-        scene.serves()
 
-    def test_ctrl_c_sigterm_a_closed_terminal_and_rosnode_kill_cancel_the_goal_and_no_other(self, scene):
-        cancels = []
-        rospy.Subscriber(scene.action + "cancel", GoalID, cancels.append)
-        scene.server()
-        for how in "SIGINT", "SIGTERM", "SIGHUP", "rosnode_kill":
-            scene.forget()
-            del cancels[:]
-            client = scene.client(60, "_heartbeat_timeout:=20", "__name:=until_" + how)
-            client.expect("bowl-1")
-            begun = time.monotonic()
-            scene.end(client, how)
-            check_partial(client, 2)
-            self.assertIn("goal PREEMPTED: cancelled", client.stderr, client)
-            self.assertLess(time.monotonic() - begun, 2 + SLACK, "expected an end within 2 s of %s" % client)
-            check_quiet(client)
-            result = scene.wait_result()
-            washed, goal_id = result.result.dishes_washed, result.status.goal_id.id
-            scene.check_ending(goal_id, PREEMPTED, bowls(max(2, len(washed))))
-            self.assertLess(scene.times[goal_id, "result"] - begun, 1 + SLACK, "s until the end of %s" % client)
-            scene.wait(lambda: cancels, "the cancel, which the result may overtake")
-            self.assertEqual([(goal_id, 0)], [(cancel.id, cancel.stamp.to_sec()) for cancel in cancels], client)
-        scene.serves()
+class ClientTests:
+    """What both clients promise."""
 
-    def test_after_sigkill_the_server_finishes_and_the_next_says_on_ctrl_c_that_the_server_is_too_slow_to_stop(
-            self, scene):
-        server, client = scene.server(), scene.client(4)
+    script = None
+
+    @classmethod
+    def setUpClass(cls):
+        if not rospy.core.is_initialized():
+            rospy.init_node("client_test")
+            ClientTests.server = Server()
+
+    def setUp(self):
+        self.nodes = Group()
+        self.addCleanup(self.nodes.stop)
+        del self.server.outcomes[:]
+
+    def client(self, *arguments, **options):
+        """Start the client. -> Process"""
+        return self.nodes.node(self.script, *arguments, **options)
+
+    def check(self, client, status, stdout, stderr="^$"):
+        """Wait for the end of a client. Expect its exit status, stdout and a regex in stderr."""
+        self.assertEqual((status, stdout), (client.wait(), client.stdout), client)
+        self.assertRegex(client.stderr, stderr, client)
+
+    def check_refused(self, *wrong):
+        """Start the client with arguments (list of str), and again with others. Expect that argparse refuses them."""
+        for client in [self.client(*arguments) for arguments in wrong]:
+            self.check(client, 2, "", "(?m)error: .*%s" % client.command[-1])
+
+    def test_output_is_that_of_the_posts(self):
+        feedback = "".join('Feedback received: last_dish_washed: "%s"\n' % bowl for bowl in bowls(7))
+        result = "".join("  - %s\n" % bowl for bowl in bowls(7))
+        self.check(self.client(), 0, feedback + "The result is: dishes_washed: \n" + result)
+
+    def test_minutes_are_an_argument(self):
+        client = self.client("1")
+        self.assertEqual((0, (bowls(1), bowls(1))), (client.wait(), printed_bowls(client)), client)
+
+    def test_each_feedback_is_printed_at_once(self):
+        client = self.client("600")
+        client.expect("bowl-2")
+        self.assertTrue(client.running(), client)
+
+    def test_aborted_goal_says_why_and_exits_with_1(self):
+        self.check(self.client("-1"), 1, 'Feedback received: last_dish_washed: "bowl-0"\n'
+                   'The result is: dishes_washed: \n  - bowl-0\n', "ABORTED: out of water")
+
+    def test_preempted_goal_prints_its_bowls_and_exits_with_1(self):
+        client = self.client("600")
+        client.expect("bowl-2")
+        newer = self.client("0", "__name:=newer")
+        self.assertEqual((1, 0), (client.wait(), newer.wait()), client)
+        feedback, result = printed_bowls(client)
+        self.assertGreaterEqual(len(result), 3)
+        self.assertEqual(feedback, result, client)
+        self.assertIn("PREEMPTED: a newer goal came", client.stderr, client)
+
+    def test_client_waits_for_its_server(self):
+        client = self.client("1", ROS_NAMESPACE="/later")
+        self.nodes.node("action_server.py", ROS_NAMESPACE="/later")
+        self.assertEqual(0, client.wait(), client)
+
+    def test_help_needs_no_master(self):
+        client = self.client("--help", ROS_MASTER_URI="http://localhost:1")
+        self.assertEqual(0, client.wait(), client)
+        self.assertIn("MINUTES", client.stdout)
+
+    def test_wrong_arguments_are_refused(self):
+        self.check_refused(["seven"], ["7", "eight"], ["--minutes"])
+
+    def test_number_that_int32_cannot_hold_is_an_error(self):
+        client = self.client(str(2**31))
+        self.assertEqual(1, client.wait(), client)
+        self.assertNotIn("The result is", client.stdout, client)
+
+
+class TestActionClient(ClientTests, unittest.TestCase):
+
+    script = "action_client.py"
+
+    def test_ctrl_c_lets_the_goal_go_on(self):
+        client = self.client("15")
         client.expect("bowl-1")
-        client.signal(signal.SIGKILL)
-        scene.check_ending(scene.wait_result().status.goal_id.id, SUCCEEDED, bowls(4))
-        client = scene.client(60)
-        client.expect("bowl-1")
-        server.signal(signal.SIGSTOP)
         client.signal(signal.SIGINT)
         self.assertEqual(1, client.wait(), client)
-        self.assertIn("a cancel was sent, no ending came within 1 s", client.stderr, client)
+        self.assertNotIn("The result is", client.stdout, client)
+        eventually(lambda: self.server.outcomes == ["SUCCEEDED"], "the goal succeeds")
 
-    def test_newer_goal_preempts_a_late_ctrl_c_leaves_it_alone_and_a_newer_client_takes_the_name_over(self, scene):
-        """ROS shuts the one with the name down; its last words must not take the name back."""
-        scene.server()
-        first = scene.client(60)
-        first.expect("bowl-1")
-        second = scene.client(60, "__name:=second")
-        check_partial(first, 2)
-        self.assertRegex(first.stderr, "PREEMPTED: .*newer goal", first)
-        second.expect("bowl-0")
-        second.signal(signal.SIGSTOP)  # so that it does not hear that its goal ends
-        third = scene.client(60, "__name:=third")
-        third.expect("bowl-0")
-        second.signal(signal.SIGINT)
-        second.signal(signal.SIGCONT)
-        self.assertEqual(1, second.wait(), second)
-        third.expect("bowl-%d" % (1 + len(printed_bowls(third)[0])))
-        fourth = scene.client(3, "__name:=third")
-        self.assertEqual(1, third.wait(), third)
-        self.assertIn("another node took the name %s/third" % scene.namespace, third.stderr, third)
-        self.assertEqual([], [line for line in third.stdout.splitlines() if not line or "shutdown" in line], third)
-        self.assertEqual(0, fourth.wait(), fourth)
-        named, result = printed_bowls(fourth)
-        # The first bowl may be missing: it cannot tell the server's connections to it from those to the third client.
-        self.assertIn((named, result), [(bowls(3), bowls(3)), (bowls(3)[1:], bowls(3))], fourth)
 
-    def test_client_before_the_server_says_so_every_5_s_and_goes_on_when_it_comes_or_ends_by_ctrl_c(self, scene):
-        client, other = scene.client(1), scene.client(1, "__name:=other")
-        for seconds in 5, 10:
-            client.expect("waiting for .*%s/wash_dishes_as.* %d s" % (scene.namespace, seconds))
-            self.assertGreater(client.lines[-1][0], seconds - 0.5, client)
-        self.assertLess(client.stderr.count("waiting for"), 10, client)
-        self.assertEqual(client.stdout, "", "expected nothing on stdout")
-        other.expect("waiting for")
-        other.signal(signal.SIGINT)
-        self.assertEqual((1, ""), (other.wait(), other.stdout), other)
-        self.assertIn("interrupted while waiting for the action", other.stderr, other)
-        check_quiet(other)
-        scene.server()
-        check_client(client, 0, 1)
+class TestRobustActionClient(ClientTests, unittest.TestCase):
 
-    def test_sum_that_float32_cannot_hold_is_an_error_reply_and_the_server_goes_on_with_those_of_float32(self, scene):
-        scene.node("add_two_numbers_server.py")
-        add = rospy.ServiceProxy(scene.namespace + "/add_two_numbers", AddTwoNumbers)
-        add.wait_for_service(50)
-        for a in 3e38, -3e38:
-            with self.assertRaises(rospy.ServiceException) as reply:
-                add(a, a)
-            self.assertIn("%g is %g, must be within" % (a, 2 * a), str(reply.exception))
-        for a, b, total in (
-                (1.5, -2.25, -0.75), (3e38, -3e38, 0), (float("inf"), 1, float("inf")),
-                (0.1, 0.2, 0.30000001192092896),  # float32 of the sum of both as float32
-                (16777216, 1, 16777216)):  # float32 has 24 bits
-            self.assertEqual(total, add(a, b).sum, "%r + %r" % (a, b))
+    script = "robust_action_client.py"
+
+    def test_ctrl_c_cancels_the_goal_and_prints_its_bowls(self):
+        client = self.client("600")
+        client.expect("bowl-1")
+        client.signal(signal.SIGINT)
+        self.assertEqual(1, client.wait(), client)
+        self.assertEqual(["PREEMPTED"], self.server.outcomes, client)
+        self.assertIn("goal PREEMPTED: cancelled", client.stderr, client)
+        self.assertEqual(bowls(2), printed_bowls(client)[1][:2], client)
+
+    def test_ctrl_c_while_it_waits_for_a_server(self):
+        client = self.client(ROS_NAMESPACE="/nowhere")
+        eventually(lambda: rospy.get_published_topics("/nowhere"), "the client waits", client)
+        client.signal(signal.SIGINT)
+        self.check(client, 1, "", "interrupted while waiting for the server of /nowhere/wash_dishes_as")
+
+    def test_no_server_within_the_server_timeout(self):
+        client = self.client("--server-timeout", "1", ROS_NAMESPACE="/nowhere")
+        self.check(client, 1, "", "no server of /nowhere/wash_dishes_as within 1 s")
+
+    def test_killed_server_is_lost(self):
+        self.check_lost(signal.SIGKILL)
+
+    def test_frozen_server_is_lost(self):
+        self.check_lost(signal.SIGSTOP)
+
+    def check_lost(self, number):
+        """Send a server a signal in the midst of a goal. Expect its client to give up soon."""
+        server = self.nodes.node("action_server.py", ROS_NAMESPACE="/lost")
+        client = self.client("600", "--heartbeat-timeout", "1", ROS_NAMESPACE="/lost")
+        client.expect("bowl-0")
+        server.signal(number)
+        begun = time.monotonic()
+        self.assertEqual(1, client.wait(), client)
+        self.assertLess(time.monotonic() - begun, 5, client)
+        self.assertIn("goal LOST: server lost: silent for 1", client.stderr, client)
+        self.assertIsNone(printed_bowls(client)[1], client)
+
+    def test_heartbeat_timeout_0_waits_for_a_frozen_server(self):
+        server = self.nodes.node("robust_action_server.py", ROS_NAMESPACE="/frozen")
+        client = self.client("2", "--heartbeat-timeout", "0", ROS_NAMESPACE="/frozen")
+        client.expect("bowl-0")
+        server.signal(signal.SIGSTOP)
+        time.sleep(6)  # longer than the default
+        self.assertTrue(client.running(), client)
+        server.signal(signal.SIGCONT)
+        self.assertEqual((0, (bowls(2), bowls(2))), (client.wait(), printed_bowls(client)), client)
+
+    def test_wrong_timeouts_are_refused(self):
+        self.check_refused(["--server-timeout", "-1"], ["--heartbeat-timeout", "-1"], ["--heartbeat-timeout", "nan"])
 
 
 if __name__ == "__main__":
-    rostest.rosrun("actions_tutorial", "client", TestClient)
+    rostest.rosrun("actions_tutorial", "client", "client_test")

@@ -1,0 +1,63 @@
+#!/usr/bin/env python3
+"""launch/wash_the_dishes.launch with each of its arguments."""
+import signal
+import unittest
+
+import rosnode
+import rospy
+import rostest
+
+from harness import Group, RawClient, bowls, printed_bowls
+
+
+class TestLaunch(unittest.TestCase):
+
+    @classmethod
+    def setUpClass(cls):
+        rospy.init_node("launch_test")
+
+    def setUp(self):
+        self.processes = Group()
+        self.addCleanup(self.processes.stop)
+
+    def launch(self, *arguments):
+        """-> Process"""
+        return self.processes.start("roslaunch", "actions_tutorial", "wash_the_dishes.launch", *arguments)
+
+    def check_bowls(self, launch, count):
+        """Wait for the end of a launch. Expect that its client has printed so many bowls."""
+        self.assertEqual((0, (bowls(count), bowls(count))), (launch.wait(), printed_bowls(launch)), launch)
+
+    def check_server_alone(self, launch, server):
+        """Expect the server (str, its node), no client, and an end on Ctrl-C."""
+        RawClient().wait_connected(launch)
+        self.assertEqual({server}, {name for name in rosnode.get_node_names() if "action" in name})
+        launch.signal(signal.SIGINT)
+        launch.wait()
+
+    def test_default_is_seven_minutes(self):
+        self.check_bowls(self.launch(), 7)
+
+    def test_number_of_minutes(self):
+        self.check_bowls(self.launch("number_of_minutes:=1"), 1)
+
+    def test_robust_starts_the_nodes_on_robust(self):
+        launch = self.launch("robust:=true", "number_of_minutes:=1")
+        self.check_bowls(launch, 1)
+        launch.expect("robust_action_server-1.*started")
+        launch.expect("robust_action_client-2.*started")
+
+    def test_client_false_starts_the_server_alone(self):
+        self.check_server_alone(self.launch("client:=false"), "/action_server")
+
+    def test_robust_client_false_starts_the_server_alone(self):
+        self.check_server_alone(self.launch("client:=false", "robust:=true"), "/robust_action_server")
+
+    def test_failing_client_ends_the_launch(self):
+        launch = self.launch("number_of_minutes:=-3")
+        launch.wait()
+        launch.expect("ABORTED: number_of_minutes is -3, must be 0 or more")
+
+
+if __name__ == "__main__":
+    rostest.rosrun("actions_tutorial", "launch", TestLaunch)
