@@ -430,10 +430,11 @@ class SimulatedClock:
         with self._turns:
             self.set(self.now + rospy.Duration.from_sec(seconds))
         if client:
-            client.wait(lambda: client.status.header.stamp >= self.now, "a status of %.2f s" % self.now.to_sec())
+            client.wait(lambda: client.status.header.stamp == self.now, "a status of %.2f s" % self.now.to_sec())
 
     def lead(self, client):
         """Turn the clock on until the server's status follows it; its timer may have begun after our first turns."""
         begun = self.now
-        client.wait(lambda: self.turn(0.25) or client.status.header.stamp > begun, "a status that follows the clock")
+        client.wait(lambda: self.turn(0.25) or begun < client.status.header.stamp <= self.now,
+                    "a status that follows the clock")
         self.turn(0.25, client)  # or a goal may overtake the last of those turns

@@ -1,0 +1,122 @@
+#!/usr/bin/env python3
+"""Both servers, and robust's client, on a clock in the test's hand: it stands still unless the test turns it."""
+import time
+import unittest
+
+from actionlib_msgs.msg import GoalStatus
+from actions_tutorial import robust
+from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
+import rospy
+import rostest
+
+from harness import PREEMPTED, PREEMPTING, SUCCEEDED, RawClient, SimulatedClock, bowls, wait_connected
+
+PAUSE = 1.5  # s, real time, for what must not happen on a paused clock
+
+
+class ServerTests:
+    """What both servers promise."""
+
+    namespace = None
+
+    @classmethod
+    def setUpClass(cls):
+        if not rospy.core.is_initialized():
+            rospy.init_node("simulated_time_test")
+            ServerTests.clock = SimulatedClock()
+        cls.raw = RawClient(cls.namespace).wait_connected()
+        cls.clock.lead(cls.raw)
+
+    def wash(self, minutes, until):
+        """Send a goal and turn the clock on until a number of bowls (int) is washed. Returns its id."""
+        goal_id = self.raw.send(minutes)
+        for count in range(1, until + 1):
+            self.raw.wait_bowls(goal_id, count)
+            if count < until:
+                self.clock.turn(1, self.raw)
+        return goal_id
+
+    def test_bowls_and_result_come_on_their_second_without_drift(self):
+        begun = self.clock.now
+        goal_id = self.raw.send(60)
+        for count in range(1, 61):
+            self.raw.wait_bowls(goal_id, count)
+            self.clock.turn(0.75, self.raw)  # too early
+            self.clock.turn(0.25)
+        result = self.raw.check_outcome(goal_id, SUCCEEDED, bowls(60))
+        stamps = [message.header.stamp for message in self.raw.feedback[goal_id] + [result]]
+        self.assertEqual([float(second) for second in range(61)], [(stamp - begun).to_sec() for stamp in stamps])
+
+    def test_paused_clock_washes_nothing(self):
+        goal_id = self.wash(3, until=2)
+        time.sleep(PAUSE)
+        self.assertEqual(bowls(2), self.raw.bowls_of(goal_id))
+        self.clock.turn(1, self.raw)
+        self.raw.wait_bowls(goal_id, 3)
+        self.clock.turn(1)
+        self.raw.check_outcome(goal_id, SUCCEEDED, bowls(3))
+
+    def test_paused_clock_is_no_silence_for_robusts_client(self):
+        client = robust.SimpleActionClient(
+            self.namespace + "/wash_dishes_as", WashTheDishesAction, heartbeat_timeout=0.5)
+        wait_connected(client, self.namespace + "/wash_dishes_as")
+        client.send_goal(WashTheDishesGoal(number_of_minutes=1))
+        goal_id, = self.raw.wait(lambda: [one.goal_id.id for one in self.raw.status.status_list
+                                          if one.status == GoalStatus.ACTIVE], "the goal is active")
+        self.raw.wait_bowls(goal_id, 1)
+        time.sleep(PAUSE)
+        self.assertEqual(GoalStatus.ACTIVE, client.get_state(), client.get_failure())
+        self.clock.turn(1)
+        self.assertTrue(client.wait_for_result())
+        self.assertIsNone(client.get_failure())
+
+
+class TestActionServer(ServerTests, unittest.TestCase):
+
+    namespace = "/plain"
+
+    def test_cancel_acts_when_the_second_is_over(self):
+        goal_id = self.wash(60, until=2)
+        self.raw.cancel(goal_id)
+        self.raw.wait(lambda: PREEMPTING in self.raw.states[goal_id], "the cancel has come")
+        self.clock.turn(0.75, self.raw)
+        self.assertNotIn(goal_id, self.raw.results)
+        self.clock.turn(0.25)
+        self.raw.check_outcome(goal_id, PREEMPTED, bowls(2))
+
+
+class TestRobustActionServer(ServerTests, unittest.TestCase):
+
+    namespace = "/robust"
+
+    def test_cancel_acts_while_the_clock_is_paused(self):
+        goal_id = self.wash(60, until=2)
+        self.raw.cancel(goal_id)
+        self.raw.check_outcome(goal_id, PREEMPTED, bowls(2))
+
+    def test_newer_goal_starts_while_the_clock_is_paused(self):
+        older = self.wash(60, until=2)
+        newer = self.wash(1, until=1)
+        self.raw.check_outcome(older, PREEMPTED, bowls(2))
+        self.clock.turn(1)
+        self.raw.check_outcome(newer, SUCCEEDED, bowls(1))
+
+    def test_goal_goes_on_when_the_clock_is_set_back(self):
+        goal_id = self.wash(60, until=2)
+        self.clock.turn(-500)
+        self.clock.lead(self.raw)
+        self.clock.turn(1, self.raw)
+        self.raw.wait_bowls(goal_id, 3)
+        self.raw.cancel(goal_id)
+        self.raw.wait_result(goal_id)
+
+    def test_next_goal_is_served_after_the_clock_was_set_back(self):
+        self.clock.turn(-100)
+        self.clock.lead(self.raw)
+        goal_id = self.wash(2, until=2)
+        self.clock.turn(1)
+        self.raw.check_outcome(goal_id, SUCCEEDED, bowls(2))
+
+
+if __name__ == "__main__":
+    rostest.rosrun("actions_tutorial", "simulated_time", "simulated_time_test." + rospy.myargv()[1])
