@@ -40,10 +40,9 @@ class TestFeedback(unittest.TestCase):
     def test_feedback_comes_once_a_second(self):
         times = []
         self.client.send_goal(
-            WashTheDishesGoal(number_of_minutes=3), feedback_cb=lambda _: times.append(time.monotonic()))
+            WashTheDishesGoal(number_of_minutes=2), feedback_cb=lambda _: times.append(time.monotonic()))
         self.assertTrue(self.client.wait_for_result(rospy.Duration(10)))
-        for before, after in zip(times, times[1:]):
-            self.assertAlmostEqual(1, after - before, delta=0.7)
+        self.assertAlmostEqual(1, times[1] - times[0], delta=0.7)
 
     def test_first_feedback_comes_at_once(self):
         times, begun = [], time.monotonic()
@@ -57,10 +56,10 @@ class TestFeedback(unittest.TestCase):
         wait_connected(newer)
         self.client.send_goal(WashTheDishesGoal(number_of_minutes=60), feedback_cb=of_older.append)
         eventually(lambda: of_older, "feedback for the older goal")
-        newer.send_goal(WashTheDishesGoal(number_of_minutes=3), feedback_cb=of_newer.append)
+        newer.send_goal(WashTheDishesGoal(number_of_minutes=2), feedback_cb=of_newer.append)
         self.assertTrue(newer.wait_for_result(rospy.Duration(10)))
         self.assertEqual(["bowl-0"], [one.last_dish_washed for one in of_older])
-        self.assertEqual(["bowl-0", "bowl-1", "bowl-2"], [one.last_dish_washed for one in of_newer])
+        self.assertEqual(["bowl-0", "bowl-1"], [one.last_dish_washed for one in of_newer])
 
 
 if __name__ == "__main__":

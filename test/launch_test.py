@@ -36,7 +36,8 @@ class TestLaunch(unittest.TestCase):
         launch.wait()
 
     def test_default_is_seven_minutes(self):
-        self.check_bowls(self.launch(), 7)
+        arguments = self.launch("--ros-args")
+        arguments.expect(r'number_of_minutes \(default "7"\)')
 
     def test_number_of_minutes(self):
         self.check_bowls(self.launch("number_of_minutes:=1"), 1)
