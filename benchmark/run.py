@@ -1,79 +1,106 @@
-#!/usr/bin/python3
-"""Measures scripts/action_server.py beside the plain server and beside bare ROS, in one run on one master."""
+#!/usr/bin/env python3
+"""Measures the action servers of this package beside a node without actionlib: ./tutorial benchmark."""
 import argparse
-import importlib.util
+import gc
 import os
+import platform
+import re
 import signal
 import subprocess
 import sys
-import threading
 import time
 
-try:
-    from actions_tutorial import robust
-    import rospy
+from samples import FULL, QUICK, Benchmark, record_demo  # first: it finds harness
+from harness import PACKAGE, Master
+import rospy
 
-    from samples import FULL, QUICK, Benchmark  # and it finds what is in test/
-    from harness import Master
-except ImportError as error:
-    sys.exit("benchmark: %s; run it as ./tutorial benchmark, which sources the workspace" % error)
-from report import report
-
-
-def tell_progress(benchmark, begun):
-    """Print what is being measured: a line every 5 s."""
-    while True:
-        print("%4d s  %s" % (time.monotonic() - begun, benchmark.stage), file=sys.stderr, flush=True)
-        time.sleep(5)
+COLUMNS = {"floor": "floor", "plain": "`action_server.py`", "hz20": "the same at 20 Hz",
+           "robust": "`robust_action_server.py`"}
+ROWS = (  # label, figure, factor, and what robust is compared with
+    ("cancel → result (ms)", "cancel", 1e3, "floor"),
+    ("newer goal → ACTIVE (ms)", "newer", 1e3, "floor"),
+    ("goal → first feedback (ms)", "feedback", 1e3, "plain"),
+    ("empty goals one after the other (1/s)", "empty", 1, "plain"),
+    ("idle, CPU (%)", "cpu", 1, "plain"),
+    ("idle, memory (MiB)", "memory", 1, "plain"))
 
 
 def arguments():
-    parser = argparse.ArgumentParser(prog="benchmark", description="Measures the action server beside the plain one.")
-    parser.add_argument("--json", metavar="FILE", help="write figures and samples")
-    parser.add_argument("--plot", metavar="FILE.svg", help="draw cancel → result (needs python3-matplotlib)")
-    parser.add_argument("--timeline", metavar="FILE.svg", help="draw a newer goal and a cancel (needs matplotlib, too)")
-    parser.add_argument("--server", metavar="PATH", type=os.path.abspath, help="measure this server in place of ours")
-    parser.add_argument("--quick", action="store_true", help="20 s, to see that it works: too few samples to quote")
-    args = parser.parse_args()
-    # Better now than after four minutes:
-    if (args.plot or args.timeline) and not importlib.util.find_spec("matplotlib"):
-        raise OSError("--plot and --timeline need matplotlib: apt install python3-matplotlib")
-    for path in filter(None, (args.json, args.plot, args.timeline)):
-        open(path, "a").close()
-    if args.server and not os.path.isfile(args.server):
-        raise OSError("no server %s" % args.server)
-    return args
+    parser = argparse.ArgumentParser(prog="benchmark", description="Prints the table of doc/benchmark.md.")
+    parser.add_argument("--doc", metavar="FOLDER", help="write the page with its pictures, and the demo's picture")
+    parser.add_argument("--quick", action="store_true", help="a minute, to see that it works: the figures mean nothing")
+    return parser.parse_args()
 
 
-def measure(args):
-    """Returns the exit status: 0 if every figure was measured."""
-    begun, plan = time.monotonic(), dict(QUICK if args.quick else FULL, timeline=args.timeline)
+def table(benchmark):
+    """Returns the medians as a Markdown table."""
+    lines = [["median", *COLUMNS.values(), "robust is"], ["---", *["---:"] * 5]]
+    for label, figure, factor, base in ROWS:
+        values = {kind: factor * benchmark.median("answer" if (kind, factor) == ("floor", 1e3) else figure, kind)
+                  for kind in COLUMNS}
+        lines.append([label, *(number(value) for value in values.values()),
+                      "%s × %s" % (number(values["robust"] / values[base]), base)])
+    return "".join("| %s |\n" % " | ".join(line) for line in lines)
+
+
+def number(value):
+    return "%.*f" % (2 if value < 10 else 0, value)
+
+
+def machine():
+    with open("/etc/os-release") as file:
+        system = re.search(r'^PRETTY_NAME="?([^"\n]*)', file.read(), re.M).group(1)
+    return "%d cores, %s, Python %s" % (len(os.sched_getaffinity(0)), system, platform.python_version())
+
+
+def write(folder, benchmark, timeline, demo):
+    """Write doc/benchmark.md with the new table and machine, and the pictures, into folder."""
+    import pictures  # not before all is measured: matplotlib takes memory
+    with open(os.path.join(PACKAGE, "doc", "benchmark.md"), encoding="utf-8") as file:
+        page = file.read()
+    page = re.sub(r"(^\|.*\n)+", lambda _: table(benchmark), page, 1, re.M)
+    page = re.sub(r"^Measured on .*", lambda _: "Measured on %s." % machine(), page, 1, re.M)
+    os.makedirs(folder, exist_ok=True)
+    with open(os.path.join(folder, "benchmark.md"), "w", encoding="utf-8") as file:
+        file.write(page)
+    pictures.plot(benchmark, os.path.join(folder, "benchmark.svg"))
+    pictures.timeline(timeline, os.path.join(folder, "timeline.svg"))
+    pictures.demo(demo, os.path.join(folder, "demo.svg"))
+
+
+def main(args):
+    begun, plan = time.monotonic(), QUICK if args.quick else FULL
+    gc.disable()  # it takes up to 0.2 s in the midst of a sample
     with Master() as master:
-        master.start("rosrun", "rosout", "rosout", stdout=subprocess.DEVNULL)  # which takes a part of what is logged
         os.environ.update(master.env)
-        robust.init_node("benchmark", disable_signals=True)  # whose end Debian 11's rospy would not survive
+        master.start("rosrun", "rosout", "rosout", stdout=subprocess.DEVNULL)  # as roscore does
+        rospy.init_node("benchmark", disable_signals=True)
         try:
-            benchmark = Benchmark(master, args.server, plan)
-            threading.Thread(target=tell_progress, args=(benchmark, begun), daemon=True).start()
-            benchmark.run()
+            say("starting the servers")
+            benchmark = Benchmark(master, plan)
+            say("cancels, newer goals, first feedback: %d rounds of about 5 s" % plan["rounds"])
+            benchmark.measure_reactions()
+            say("idle servers: %d s" % (plan["windows"] * plan["seconds"]))
+            benchmark.measure_idle()
+            say("empty goals: %d rounds of about 8 s" % plan["bursts"])
+            benchmark.measure_bursts()
+            if args.doc:
+                say("the pictures: 20 s")
+                write(args.doc, benchmark, benchmark.timeline(), record_demo(master))
         finally:
-            for number in signal.SIGINT, signal.SIGTERM:  # a second Ctrl-C would leave servers behind
-                signal.signal(number, signal.SIG_IGN)
             rospy.signal_shutdown("done")
-        report(benchmark, time.monotonic() - begun, args)  # while there is a log for what matplotlib has to say
-    return 1 if benchmark.failures else 0
+    print("%s\n%s. %d s." % (table(benchmark), machine(), time.monotonic() - begun))
 
 
-def main():
-    for number in signal.SIGINT, signal.SIGTERM:  # also when a script started this in the background
-        signal.signal(number, signal.default_int_handler)
-    try:
-        return measure(arguments())
-    except KeyboardInterrupt:
-        return "benchmark: stopped"
-    except (AssertionError, OSError) as error:
-        return "benchmark: %s" % error
+def say(what):
+    print(what, file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        sys.exit(main(arguments()))
+    except KeyboardInterrupt:
+        sys.exit("benchmark: stopped")
+    except (AssertionError, OSError) as error:
+        sys.exit("benchmark: %s" % error)
