@@ -1,27 +1,18 @@
-"""What the checks stand on: a workspace, two computers, bare machines; and what they need, or are skipped."""
+"""What the checks share: a workspace, a bare machine, and what a check needs or else is skipped."""
 import contextlib
 import os
 import pathlib
 import random
-import re
 import shlex
 import shutil
-import signal
 import subprocess
 import sys
-from unittest import mock
 
 import pytest
 
 ROOT = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
 sys.path.insert(0, os.path.join(ROOT, "test"))
-from harness import Group, Master, Process, eventually, run  # noqa: E402
-
-
-def pytest_configure():
-    # Whoever stops us, also in the background: fixtures end what they have begun.
-    for number in signal.SIGINT, signal.SIGTERM, signal.SIGHUP:
-        signal.signal(number, signal.default_int_handler)
+from processes import Group, Master, eventually, run  # noqa: E402
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -33,16 +24,12 @@ def pytest_runtest_setup(item):
 
 @pytest.fixture(scope="session")
 def workspace(tmp_path_factory):
-    """A workspace with the package in it, thrown away, and all processes in its environment, as in ./tutorial shell."""
+    """A workspace with the package in it, thrown away; what is started afterwards runs as in ./tutorial shell."""
     folder = tmp_path_factory.mktemp("workspace")
-    ours = {name: value for name, value in os.environ.items() if not name.startswith("ROS")}
-    with mock.patch.dict(os.environ, ours, clear=True):
-        # Without ROS_HOSTNAME, which would go before ROS_IP.
-        theirs = run(os.path.join(ROOT, "tutorial"), "shell", "env", "-u", "TUTORIAL_WS", "-u", "ROS_HOSTNAME", "-0",
-                     TUTORIAL_WS=str(folder), timeout=600)
-        os.environ.clear()
-        os.environ.update(pair.split("=", 1) for pair in theirs.split("\0")[:-1])
-        yield folder
+    variables = run(os.path.join(ROOT, "tutorial"), "shell", "env", "-u", "TUTORIAL_WS", "-u", "ROS_HOSTNAME", "-0",
+                    TUTORIAL_WS=str(folder), timeout=600)
+    os.environ.update(pair.split("=", 1) for pair in variables.split("\0")[:-1])
+    yield folder
     shutil.rmtree(str(folder))
 
 
@@ -60,15 +47,10 @@ def debian(tmp_path_factory):
     def make(suite):
         if suite not in made:
             folder = made[suite] = tmp_path_factory.mktemp(suite)
-            debootstrap = Process(["debootstrap", "--variant=minbase", suite, str(folder)])
-            status = debootstrap.wait(900)
-            if "Failed getting release file" in str(debootstrap):
-                pytest.skip("this needs %s, which Debian's servers do not have (any more)" % suite)
-            assert status == 0, str(debootstrap)
+            run("debootstrap", "--variant=minbase", suite, str(folder), timeout=900)
             folder.chmod(0o755)
             shutil.copy("/etc/resolv.conf", str(folder / "etc"))
-            # A mirror may keep an index for longer than it is meant to last.
-            (folder / "etc/apt/apt.conf.d/stored").write_text('Acquire::Check-Valid-Until "false";\n')
+            (folder / "etc/hosts").write_text("127.0.0.1 localhost\n")
         return made[suite]
 
     yield make
@@ -83,13 +65,13 @@ def on_terminal(*command):
 
 class Machine(Group):
     """A bare Debian, a copy of what the fixture debian made: a chroot on a tmpfs in namespaces of its own, which the
-    kernel takes away however we end. path: its files, for us; tutorial: where it has ours; user: whose commands it
-    runs, root or learner; env: for them."""
+    kernel removes when they end. path: its files, for us; tutorial: where it has ours; user: who runs its commands,
+    root or learner; env: for them."""
 
     def __init__(self, base, user="root", checkout="/srv/actions_tutorial"):
         super().__init__()
         self.user, self.tutorial, self.network = user, checkout + "/tutorial", []
-        # Who loses its parent in there is given to sleep, which does not wait for it: let the kernel do that.
+        # A process without a parent becomes a child of sleep, which does not wait for it: let the kernel do that.
         namespaces = super().start("setpriv", "--pdeathsig", "KILL", "unshare", "--mount", "--pid", "--fork",
                                    "--kill-child", "env", "--ignore-signal=CHLD", "sleep", "infinity")
         self.init = eventually(lambda: [child.pid for child in namespaces.usage.children() if child.name() == "sleep"],
@@ -100,32 +82,30 @@ class Machine(Group):
         for command in ("mount -t tmpfs -o size=16G,mode=755 tmpfs /mnt", "cp -a %s/. /mnt" % base,
                         "mount -t proc proc /mnt/proc", "mount --rbind --make-rslave /dev /mnt/dev"):
             run(*self.enter, *command.split())
-        # The network is the host's, where others may have a master.
-        self.env = dict(ROS_MASTER_URI="http://localhost:%d" % random.randrange(20000, 30000), ROS_HOSTNAME="localhost")
+        # The network is the host's, where a master may run already.
+        self.env = dict(ROS_MASTER_URI="http://localhost:%d" % random.randrange(20000, 30000))
         # An ordinary user, with another python3 in front.
         self.run("useradd", "--create-home", "--shell", "/bin/bash", "learner", user="root")
         python = self.path / "home/learner/python/bin/python3"
         python.parent.mkdir(parents=True)
         python.write_text("#!/bin/sh\nexit 99\n")
         python.chmod(0o755)
-        self.put_checkout(self.path / checkout[1:])
-
-    def put_checkout(self, folder):
-        """Copy what git has or would add; only root may write there."""
+        # What git has or would add; only root may write there.
         names = run("git", "-c", "safe.directory=*", "-C", ROOT, "ls-files", "--cached", "--others",
                     "--exclude-standard").splitlines()
+        folder = self.path / checkout[1:]
         for name in filter(lambda name: os.path.exists(os.path.join(ROOT, name)), names):
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(os.path.join(ROOT, name), str(folder / name))
         run("chmod", "-R", "go-w", str(folder))
 
     def start(self, *command, user=None, terminal=False, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, **env):
-        """Start a command (str …), with nothing of our environment but env. -> Process, nsenter's"""
+        """Start a command (str …) with no variables but a few usual ones, the machine's env and env. -> Process"""
         learner = (user or self.user) == "learner"
         home, first = ("/home/learner", "/home/learner/python/bin:") if learner else ("/root", "/usr/sbin:/sbin:")
         words = ["chroot", "/mnt"] + learner * ["setpriv", "--reuid=learner", "--regid=learner", "--init-groups"]
         words += ["env", "-i", "HOME=" + home, "LANG=C.UTF-8", "PATH=%s/usr/bin:/bin" % first]
-        words += ["%s=%s" % pair for pair in dict(self.env, **env).items() if pair[1] is not None] + list(command)
+        words += ["%s=%s" % pair for pair in dict(self.env, **env).items()] + list(command)
         return super().start(*self.enter, *self.network, *(on_terminal(*words) if terminal else words),
                              stdin=stdin, stderr=stderr)
 
@@ -151,21 +131,21 @@ class Machine(Group):
             self.network = []
 
     @contextlib.contextmanager
-    def changed(self, file, right=None, wrong=""):
-        """With something wrong (str) in the file (str) where the right (regex) was first, or without the file."""
+    def changed(self, file, change=None):
+        """With a file (str) after change (a function from str to str), or without it."""
         path = self.path / file.lstrip("/")
         was = path.with_name(path.name + ".was")
         path.rename(was)
-        if right is not None:
-            path.write_text(re.sub(right, wrong, was.read_text(), 1))
+        if change:
+            path.write_text(change(was.read_text()))
             shutil.copymode(str(was), str(path))
         try:
             yield
         finally:
             was.replace(path)
 
-    def all(self):
-        """Its processes: {PID in there: command line}, but for zombies, which have none."""
+    def processes_in_it(self):
+        """Returns {PID in there: command line}, but for zombies, which have none."""
         found = {}
         for file in (self.path / "proc").glob("[0-9]*/cmdline"):
             with contextlib.suppress(OSError):  # it has just ended
@@ -173,4 +153,4 @@ class Machine(Group):
         return {pid: line for pid, line in found.items() if line}
 
     def __str__(self):
-        return "in the machine there are now: %s" % self.all()
+        return "in the machine there are now: %s" % self.processes_in_it()
