@@ -1,4 +1,4 @@
-"""Clients that are not this package's: C++ and axclient.py; doc/recording.md is typed with rostopic and rosbag."""
+"""Clients that are not this package's: C++ and axclient.py. (rostopic and rosbag are in doc/recording.md.)"""
 import os
 import re
 
@@ -15,8 +15,8 @@ SUCCEEDED, CONNECTED = (38, 250, 253), (192, 252, 253)
 
 @pytest.fixture
 def served(workspace, master):
-    """A master with our server on it."""
-    master.node("action_server.py").expect("waits for goals")
+    """A master with a server on it."""
+    master.node("robust_action_server.py").expect("waits for goals")
     return master
 
 
@@ -28,14 +28,14 @@ def cpp_client(workspace):
 
 
 @pytest.mark.needs("cmake")
-@pytest.mark.parametrize("arguments, ending", [(["2"], "SUCCEEDED"), (["60", "2"], "PREEMPTED")])
-def test_cpp_client_gets_feedback_and_result_also_of_a_goal_that_it_cancels(cpp_client, served, arguments, ending):
+@pytest.mark.parametrize("arguments, state", [(["2"], "SUCCEEDED"), (["60", "2"], "PREEMPTED")])
+def test_cpp_client_gets_feedback_and_result(cpp_client, served, arguments, state):
     assert run(cpp_client, *arguments, **served.env) == (
-        "feedback bowl-0\nfeedback bowl-1\n%s bowl-0 bowl-1\n" % ending)
+        "feedback bowl-0\nfeedback bowl-1\n%s bowl-0 bowl-1\n" % state)
 
 
 @pytest.mark.needs("Xvfb", "xdotool", "xclip")
-def test_axclient(served, tmp_path):
+def test_axclient_sends_a_goal_and_shows_the_result(served, tmp_path):
     """Its picture at the end, as in doc/gui.md, is in axclient.png below --basetemp."""
     grab = pytest.importorskip("PIL.ImageGrab").grab
     screen = served.start("Xvfb", "-displayfd", "1", "-screen", "0", "%dx%dx24" % (WIDTH, HEIGHT), "-nolisten", "tcp")

@@ -1,4 +1,4 @@
-// cpp_client BOWLS [CANCEL_AFTER]: sends the goal, prints each feedback, the ending and the bowls of the result;
+// cpp_client BOWLS [CANCEL_AFTER]: sends the goal, prints each feedback, the outcome and the bowls of the result;
 // cancels the goal once that many bowls have come.
 #include <actionlib/client/simple_action_client.h>
 #include <actions_tutorial/WashTheDishesAction.h>
