@@ -1,13 +1,11 @@
 """A robot, on which the master runs, and a laptop, with a cable between them that is pulled."""
-import time
-
 import pytest
 
 from harness import Group, check_client, run
 
 pytestmark = pytest.mark.needs("root", "ip", "nsenter")
 HEARTBEAT_TIMEOUT, SERVER_TIMEOUT = 3, 6  # s
-SLACK = 4  # s: to start a process, or to end it, on a machine where others compute, too
+SLACK = 4  # s: on a machine where others compute, too
 
 
 class Computer(Group):
@@ -74,19 +72,17 @@ def client(bowls, server_timeout=60):
 
 
 @pytest.mark.parametrize("server, other", [("robot", "laptop"), ("laptop", "robot")])
-def test_client_ends_when_the_cable_is_pulled(computers, start, server, other):
+def test_goal_is_lost_when_the_cable_is_pulled(computers, start, server, other):
     start(server, "robust_action_server.py")
     check_client(start(other, *client(2)), 0, 2)
     lost = start(other, *client(60))
     lost.expect("bowl-1")
     computers["laptop"].ip_link("set", "eth0", "down")
     try:
-        pulled = time.monotonic()
-        assert lost.wait() == 1, str(lost)
-        assert time.monotonic() < pulled + HEARTBEAT_TIMEOUT + 2 + SLACK, str(lost)
-        assert "LOST" in lost.stderr, str(lost)
+        lost.expect("goal LOST", timeout=HEARTBEAT_TIMEOUT + SLACK)
     finally:
         computers["laptop"].ip_link("set", "eth0", "up")
+    assert lost.wait() == 1, str(lost)  # rospy itself waits for the master
     check_client(start(other, *client(2)), 0, 2)
 
 
