@@ -7,7 +7,7 @@ import subprocess
 import pytest
 
 from conftest import ROOT, on_terminal
-from processes import Group, bowls, printed_bowls, run
+from harness import Group, bowls, printed_bowls, run
 
 pytestmark = pytest.mark.needs("root", "debootstrap", "podman", "runc", "script")
 # Works in a container, too: there is no cgroup to be had, no network, and no limit above ours.

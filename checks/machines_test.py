@@ -6,7 +6,7 @@ import subprocess
 import pytest
 
 from conftest import ROOT, Machine
-from processes import check_client, check_seconds
+from harness import check_client, check_seconds
 
 pytestmark = pytest.mark.needs("root", "debootstrap", "ip", "nsenter")
 
