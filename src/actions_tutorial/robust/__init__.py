@@ -6,7 +6,8 @@
 robust.SimpleActionServer and robust.SimpleActionClient take the place of actionlib's classes of the same names. What
 else actionlib has, robust has, too. doc/robust.md is the reference.
 
-Importing this module registers one function with rospy.on_shutdown, and changes nothing else.
+Importing this module registers one function with rospy.on_shutdown, and changes nothing else. Import it before the
+program registers its own, so that goals are asked to stop first.
 """
 import time
 
@@ -21,9 +22,8 @@ __version__ = "2.0.0"
 
 
 def _on_shutdown() -> None:
-    """End the goals of this node. This function was registered first, so it is called first, and asks servers and
-    clients to stop. The one that it registers is called last, and waits: the program's own functions are not delayed.
-    """
+    """Ask servers and clients to end their goals. The function that this one registers is called last, and waits for
+    the outcomes, so the program's own functions are not delayed."""
     waits: list = list(filter(None, [one._begin_shutdown() for one in [*server.servers, *client.clients]]))
 
     def wait_for_outcomes() -> None:

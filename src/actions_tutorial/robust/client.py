@@ -12,7 +12,9 @@ thread for each goal calls active_cb and done_cb and watches for silence. No loc
 """
 from __future__ import annotations
 
+import contextlib
 import io
+import math
 import threading
 import time
 import traceback
@@ -72,7 +74,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         Returns whether it is connected: False after timeout and on shutdown. Raises rospy.ROSInitException before
         rospy.init_node.
         """
-        seconds, begun, logged = _duration(timeout).to_sec(), time.monotonic(), 0.0
+        seconds = timeout.to_sec() if isinstance(timeout, genpy.Duration) else timeout
+        begun, logged = time.monotonic(), 0.0
         while True:
             # A timeout in the past is a single look. Before simulated time begins there is no past.
             if not rospy.get_rostime().is_zero() and self.action_client.wait_for_server(rospy.Duration(0, -1)):
@@ -93,7 +96,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     def send_goal(self, goal: genpy.Message, done_cb: Optional[Callable[[int, Any], Any]] = None,
                   active_cb: Optional[Callable[[], Any]] = None,
                   feedback_cb: Optional[Callable[[Any], Any]] = None) -> None:
-        """Send a goal, once, and forget the one before, which goes on.
+        """Send a goal, once. A goal before it goes on at the server, and its callbacks are not called any more.
 
         goal: a message such as WashTheDishesGoal. It may be changed and used again afterwards.
         done_cb: called with the terminal state (GoalStatus) and the result. It may send the next goal and wait for it.
@@ -111,7 +114,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         action_goal.goal = goal
         try:
             action_goal.serialize(io.BytesIO())  # rospy would leave half of it in front of the next message
-        except genpy.SerializationError as error:
+        except Exception as error:
             raise rospy.ROSSerializationException(str(error)) from error
         sent = _Goal(action_goal.goal_id.id, done_cb, active_cb, feedback_cb)
         with self.__changed:
@@ -149,14 +152,17 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             return False
         timeout, begun = _duration(timeout), rospy.get_rostime()
 
-        def is_expired() -> bool:
-            return rospy.is_shutdown() or timeout > rospy.Duration() and rospy.get_rostime() - begun >= timeout
+        def time_left() -> float:
+            if rospy.is_shutdown():
+                return 0
+            return (timeout - (rospy.get_rostime() - begun)).to_sec() if timeout > rospy.Duration() else math.inf
 
         if not goal.has_thread:
-            self.__follow(goal, is_expired)
+            self.__follow(goal, time_left)
         with self.__changed:
-            while not goal.is_over and not is_expired():
-                self.__changed.wait(0.1)  # the clock may be simulated, and a shutdown notifies nobody
+            while not goal.is_over and time_left() > 0:
+                # At most 0.1 s: the clock may be simulated, and a shutdown notifies nobody.
+                self.__changed.wait(min(0.1, time_left()))
                 if goal.outcome is None and goal is not self.__goal:  # another thread has sent the next one
                     goal = self.__goal
                     if not goal:
@@ -193,12 +199,18 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """Ask the server to stop the goal. Nothing is sent if it has a terminal state."""
         goal = self.__goal
         if goal and goal.outcome is None:
+            self.__send_cancel(goal)
+
+    def __send_cancel(self, goal):
+        with contextlib.suppress(rospy.ROSException):  # the program has called action_client.stop()
             self.action_client.pub_cancel.publish(GoalID(id=goal.id))
 
     def stop_tracking_goal(self) -> None:
         """Forget the goal, which goes on. Its callbacks are not called any more."""
         with self.__changed:
-            self.__goal = None
+            if self.__goal:
+                self.__goal.done_cb = self.__goal.active_cb = self.__goal.feedback_cb = None
+            self.__goal, self.__not_sent = None, "the goal is no longer tracked"
             self.__changed.notify_all()
 
     def __on_status(self, message):
@@ -208,7 +220,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         status = next((one for one in message.status_list if one.goal_id.id == goal.id), None)
         if status:
             goal.is_listed, goal.unlisted_since = True, None
-            self.__hear(goal, status)
+            self.__record_status(goal, status)
         elif goal.is_listed:
             now = time.monotonic()
             goal.unlisted_since = goal.unlisted_since or now
@@ -218,7 +230,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     def __on_feedback(self, message):
         goal = self.__goal
         if goal and goal.id == message.status.goal_id.id:
-            self.__hear(goal, message.status)
+            self.__record_status(goal, message.status)
             _call(goal.feedback_cb, message.feedback)
 
     def __on_result(self, message):
@@ -226,8 +238,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         if goal and goal.id == message.status.goal_id.id:
             self.__end(goal, message.status.status, message.status.text, message.result)
 
-    def __hear(self, goal, status):
-        """Record a status (GoalStatus). A terminal state has to wait for the result."""
+    def __record_status(self, goal, status):
+        """A terminal state (GoalStatus) is recorded with the result only."""
         with self.__changed:
             goal.silence = 0.0
             if goal.outcome is None:
@@ -246,12 +258,12 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             self.__changed.notify_all()
             return True
 
-    def __follow(self, goal, is_expired=lambda: False):
-        """Call the callbacks of a goal and watch for silence: until it is over or another is sent, or is_expired()."""
+    def __follow(self, goal, time_left=lambda: math.inf):
+        """Call the callbacks of a goal and watch for silence, until it is over, another is sent or no time is left."""
         patience = self.__heartbeat_timeout
         tick = min(0.5, patience / 4) if patience else None if goal.has_thread else 0.1
         real, ros = time.monotonic(), rospy.get_time()
-        while goal is self.__goal and not goal.is_over and not is_expired():
+        while (goal is self.__goal or goal.outcome is not None) and not goal.is_over and time_left() > 0:
             if goal.was_active and not goal.active_called:
                 goal.active_called = True
                 self.__show(goal, actionlib.SimpleGoalState.ACTIVE)
@@ -268,15 +280,15 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                         self.__changed.wait(tick)
             if patience:
                 real_before, ros_before, real, ros = real, ros, time.monotonic(), rospy.get_time()
-                # At most two ticks count: this computer may have been asleep.
-                goal.silence += max(0.0, min(real - real_before, ros - ros_before, 2 * tick))
-                if goal.silence >= patience:
+                with self.__changed:
+                    # At most two ticks count: this computer may have been asleep.
+                    goal.silence += max(0.0, min(real - real_before, ros - ros_before, 2 * tick))
                     text = "server lost: silent for %.1f s (heartbeat_timeout is %g s)" % (goal.silence, patience)
-                    if self.__end(goal, GoalStatus.LOST, text):
-                        self.action_client.pub_cancel.publish(GoalID(id=goal.id))  # in case the server is only asleep
+                if goal.silence >= patience and self.__end(goal, GoalStatus.LOST, text):
+                    self.__send_cancel(goal)  # in case the server is only asleep
 
     def __show(self, goal, simple_state):
-        """Set simple_state, which programs read though it is not documented."""
+        """Set simple_state, which is not documented, but some programs read it."""
         with self.__changed:
             if goal is self.__goal:
                 self.simple_state = simple_state

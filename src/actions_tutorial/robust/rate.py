@@ -27,7 +27,7 @@ class Rate(rospy.Rate):
         self._should_stop = should_stop
 
     def sleep(self) -> bool:
-        """Sleep until the end of the period. A late call catches up as with rospy.Rate; if the clock is set back, a new
+        """Sleep until the end of the period. A late call does what rospy.Rate does. If the clock is set back, a new
         period begins.
 
         Returns True at the end of the period, False at once when the goal should stop.

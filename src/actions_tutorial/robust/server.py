@@ -3,12 +3,13 @@
 
 Used of actionlib though its documentation does not list it:
 * of SimpleActionServer: internal_goal_callback, internal_preempt_callback and executeLoop, which are overridden;
-  action_server, lock, execute_callback, execute_thread, goal_callback, preempt_callback, current_goal, next_goal,
-  new_goal, preempt_request. It offers no other way to start goals without a poll, or to end one that waits.
+  action_server, lock, execute_callback, execute_thread, preempt_callback, current_goal, next_goal, new_goal,
+  preempt_request. It offers no other way to start goals without a poll, or to end one that waits.
 * of ActionServer: initialize, publish_result, publish_feedback, internal_goal_callback and internal_cancel_callback,
-  which are overridden; lock, started, status_list, status_timer, status_frequency, last_cancel,
-  status_pub, result_pub and the message types.
-* of ServerGoalHandle: status_tracker. Its status can be read while a callback of the program holds the lock.
+  which are overridden; publish_status_async, ns, lock, started, status_list, status_timer, status_frequency,
+  last_cancel, result_pub and the message types.
+* of ServerGoalHandle and StatusTracker: status_tracker, goal, status. They can be read while a callback of the program
+  holds the lock.
 
 Threads: one for execute_cb; a rospy.Timer that publishes the status; one that ends the goals on shutdown; one, of all
 servers, that writes to the log. Goals and cancels come in rospy's. Order of the locks: action_server.lock, then lock.
@@ -26,7 +27,7 @@ from typing import Any, Callable, Optional
 import actionlib
 import genpy
 import rospy
-from actionlib_msgs.msg import GoalStatus, GoalStatusArray
+from actionlib_msgs.msg import GoalStatus
 
 from . import rate
 
@@ -45,21 +46,20 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     ActionSpec: its type, such as WashTheDishesAction.
     execute_cb: called with each goal, one at a time, in a daemon thread. None for servers with goal callbacks.
     auto_start: whether to call start(). False is better: execute_cb may be called before the constructor returns.
-    shutdown_timeout: s for which a goal may go on after the node was told to shut down; then it is ABORTED.
-    Raises ValueError for a shutdown_timeout below 0.
+    shutdown_timeout: s for which a goal may go on after the shutdown of the node began; then it is ABORTED.
+    Raises ValueError for a shutdown_timeout below 0, or without a limit.
     """
 
     def __init__(self, name: str, ActionSpec: type, execute_cb: Optional[Callable[[Any], Any]] = None,
                  auto_start: bool = True, *, shutdown_timeout: float = 1.0) -> None:
-        if not shutdown_timeout >= 0:
-            raise ValueError("shutdown_timeout is %r, must be 0 or more" % shutdown_timeout)
-        # Without execute_cb, or actionlib starts its own thread, which polls.
+        if not 0 <= shutdown_timeout <= threading.TIMEOUT_MAX:
+            raise ValueError("shutdown_timeout is %r, must be a number of seconds, 0 or more" % shutdown_timeout)
+        # No execute_cb here: for one, actionlib would start a thread that polls.
         super().__init__(name, ActionSpec, execute_cb=None, auto_start=False)
         self.__shutdown_timeout = shutdown_timeout
         self.__shutting_down = False
         self.__goal_came = threading.Event()
-        self.__taken_over = 0  # how often a goal was accepted in the midst of another
-        self.__taken_over_by: Optional[int] = None  # the thread that did so last
+        self.__accepted_by = self.__ended_by = 0  # threads: the last to accept a goal, and the last to end one
         self.action_server = _ActionServer(
             name, ActionSpec, self.internal_goal_callback, self.internal_preempt_callback, auto_start=False)
         if execute_cb:
@@ -72,49 +72,53 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def start(self) -> None:
         """Serve goals from now on. A second call does nothing."""
-        if not self.action_server.started:
-            super().start()
-            rospy.loginfo("%s waits for goals", self.action_server.name)
+        super().start()
 
     def rate(self, hz: float) -> rate.Rate:
         """Returns a rate for the work on a goal: a rospy.Rate whose sleep() returns True at the end of the period, and
         False at once when the goal should stop: for a cancel, a newer goal or a shutdown.
 
         hz: 1/s, on the ROS clock.
+
+        For servers with goal callbacks: if another thread has accepted a newer goal, sleep() returns False, too, and
+        the older goal is over. set_preempted and the others would end the newer one then.
         """
-        taken_over, told = self.__taken_over, False
+        own, requested = self.__running_goal(), False  # the goal that the thread with this rate works on
 
         def should_stop() -> bool:
-            nonlocal taken_over, told
-            before, was_told = taken_over, told
-            taken_over, told = self.__taken_over, self.is_preempt_requested()
-            if told:
-                # The request stays until the next goal: once the goal has ended, a loop that goes on sleeps again.
-                tracker = self.current_goal.status_tracker
-                return not was_told or self.__shutting_down or bool(tracker and tracker.status.status in _RUNNING)
-            # A newer goal was accepted, by this thread, which works on it now, or by another.
-            return taken_over != before and not was_told and self.__taken_over_by != threading.get_ident()
+            nonlocal own, requested
+            before, own = own, self.__running_goal()
+            was_requested, requested = requested, self.is_preempt_requested()
+            if requested:  # until the next goal: a loop that goes on when its goal is over sleeps again
+                return bool(own) or self.__shutting_down or not was_requested
+            return bool(before) and own is not before and \
+                threading.get_ident() not in (self.__accepted_by, self.__ended_by)
 
         return rate.Rate(hz, should_stop)
+
+    def __running_goal(self):
+        """Returns the goal that is active, or None. Needs no lock, unlike is_active()."""
+        goal = self.current_goal
+        return goal if goal.status_tracker and goal.status_tracker.status.status in _RUNNING else None
 
     def is_preempt_requested(self) -> bool:
         """Returns whether the goal should stop: for a cancel, a newer goal and, unlike in actionlib, a shutdown."""
         return self.__shutting_down or super().is_preempt_requested()
 
     def accept_new_goal(self) -> Any:
-        """Accept the goal that waits; one that is active is PREEMPTED. For servers with goal callbacks.
+        """Accept the goal that waits. One that is active is PREEMPTED. For servers with goal callbacks.
 
         Returns the goal, or None if none waits, for instance since it was cancelled.
         """
         with self.action_server.lock, self.lock:
-            takes_over = self.is_active() or self.preempt_request
+            if not self.new_goal:
+                return None
+            if self.is_active():
+                SimpleActionServer.set_preempted(self)
+            self.__accepted_by = threading.get_ident()
             goal = super().accept_new_goal()
-            if goal is not None and takes_over:
-                self.__taken_over += 1
-                self.__taken_over_by = threading.get_ident()
         rate.wake()
-        if goal is not None:
-            _log(rospy.loginfo, "%s: goal accepted", self.action_server.name)
+        _log(rospy.loginfo, "%s: goal accepted", self.action_server.name)
         return goal
 
     def set_succeeded(self, result: Optional[genpy.Message] = None, text: str = "") -> None:
@@ -123,6 +127,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         result: None is an empty one. If it cannot be sent, the goal is ABORTED with the reason.
         text: for the client, by default "all done".
         """
+        self.__ended_by = threading.get_ident()
         super().set_succeeded(result, text or "all done")
 
     def set_aborted(self, result: Optional[genpy.Message] = None, text: str = "") -> None:
@@ -130,6 +135,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
         result: None is an empty one. text: for the client, by default "the server gave up".
         """
+        self.__ended_by = threading.get_ident()
         super().set_aborted(result, text or "the server gave up")
 
     def set_preempted(self, result: Optional[genpy.Message] = None, text: str = "") -> None:
@@ -139,12 +145,13 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         result: None is an empty one. text: for the client, by default why the goal had to stop.
         """
         with self.action_server.lock, self.lock:
+            self.__ended_by = threading.get_ident()
             cancelled = self.current_goal.get_goal_status().status == GoalStatus.PREEMPTING
             if self.__shutting_down and not cancelled:
                 super().set_aborted(result, "%s: %s" % (SHUTTING_DOWN, text) if text else SHUTTING_DOWN)
             else:
                 why = "cancelled" if cancelled else \
-                    "a newer goal came" if self.preempt_request else "preempted by the server"
+                    "a newer goal came" if self.new_goal or self.preempt_request else "preempted by the server"
                 super().set_preempted(result, text or why)
 
     def register_goal_callback(self, cb: Optional[Callable[[], Any]]) -> None:
@@ -158,6 +165,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         super().register_preempt_callback(cb and (lambda: self.__call_preempt_callback(cb)))
 
     def __call_goal_callback(self, cb):
+        rate.wake()  # the callback may take long
         goal = self.next_goal
         try:
             cb()
@@ -169,6 +177,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 self.set_aborted(None, text)
 
     def __call_preempt_callback(self, cb):
+        rate.wake()
         try:
             cb()
         except BaseException as error:
@@ -180,10 +189,11 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             goal.set_canceled(None, SHUTTING_DOWN)
             return
         with self.lock:
-            stamp = goal.get_goal_id().stamp
-            for older in self.current_goal, self.next_goal:
-                if older.get_goal() and older.get_goal_id().stamp > stamp:  # or actionlib refuses the newer one
-                    older.get_goal_id().stamp = stamp
+            if self.new_goal:
+                self.__recall_next_goal("a newer goal came")
+            older, stamp = self.current_goal, goal.get_goal_id().stamp
+            if older.get_goal() and older.get_goal_id().stamp > stamp:
+                older.get_goal_id().stamp = stamp  # since actionlib refuses a goal with an earlier stamp
             super().internal_goal_callback(goal)
         self.__goal_came.set()
         rate.wake()
@@ -208,9 +218,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             self.__goal_came.wait()
             self.__goal_came.clear()
             while self.is_new_goal_available() and not self.__shutting_down:
-                with self.action_server.lock, self.lock:  # no cancel comes in between
-                    goal = self.accept_new_goal() if self.is_new_goal_available() else None
-                if goal is not None:
+                goal = self.accept_new_goal()
+                if goal is not None:  # it may have been cancelled in between
                     self.__execute(goal)
 
     def __execute(self, goal):
@@ -242,14 +251,14 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         _log.close()
         rate.wake()
         self.__goal_came.set()
-        if not self.action_server.unfinished():
+        if self.action_server.is_idle():
             return None
         deadline = time.monotonic() + self.__shutdown_timeout
         try:
             threading.Thread(target=self.__end_goals, args=[deadline], daemon=True).start()
         except RuntimeError:  # Python 3.12 and later start no thread while the interpreter shuts down
             self.__end_goals(deadline)
-        # Later than the thread, which may be stuck in a callback of the program.
+        # 0.1 s later: if the thread is blocked in a callback of the program, this call ends the goals.
         return lambda: self.__finish(deadline + 0.1)
 
     def __end_goals(self, deadline):
@@ -266,7 +275,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def __finish(self, deadline):
         """Wait until all goals have a terminal state. Those that have none at deadline (time.monotonic()) get one."""
-        while self.action_server.unfinished():
+        while not self.action_server.is_idle():
             if time.monotonic() >= deadline:
                 return self.action_server.abort_unfinished()
             time.sleep(0.01)
@@ -283,6 +292,7 @@ class _ActionServer(actionlib.ActionServer):
         with self.lock:
             if not self.started:  # a second start would publish each status twice
                 super().start()
+                rospy.loginfo("%s waits for goals", self.name)
 
     def initialize(self):
         super().initialize()
@@ -295,7 +305,9 @@ class _ActionServer(actionlib.ActionServer):
     def publish_result(self, status, result):
         """Send a terminal state. If the result cannot be sent, the goal is ABORTED with the reason. It is serialized
         once before, since rospy leaves half a message in front of the next one."""
-        status.text = _escaped(status.text or "cancelled before it was started")
+        if status.status == GoalStatus.RECALLED and not status.text:  # the cancel came before the goal
+            status.text = "cancelled before it was started"
+        status.text = _escaped(status.text)
         try:
             self.ActionResult(status=status, result=result).serialize(io.BytesIO())
         except Exception as error:
@@ -308,7 +320,7 @@ class _ActionServer(actionlib.ActionServer):
     def publish_feedback(self, status, feedback):
         try:
             self.ActionFeedback(status=status, feedback=feedback).serialize(io.BytesIO())  # as in publish_result
-        except genpy.SerializationError as error:
+        except Exception as error:
             raise rospy.ROSSerializationException(str(error)) from error
         super().publish_feedback(status, feedback)
 
@@ -329,6 +341,13 @@ class _ActionServer(actionlib.ActionServer):
         """Returns the goals (list of StatusTracker) without a terminal state. Needs no lock."""
         return [one for one in list(self.status_list) if one.goal and one.status.status in _WAITING + _RUNNING]
 
+    def is_idle(self):
+        """Returns whether each goal has a terminal state, and none is being published."""
+        if self.unfinished() or not self.lock.acquire(blocking=False):
+            return False
+        self.lock.release()
+        return True
+
     def abort_unfinished(self):
         """End all goals that have no terminal state, even if a callback of the program keeps the lock."""
         locked = self.lock.acquire(timeout=0.1)
@@ -340,9 +359,6 @@ class _ActionServer(actionlib.ActionServer):
                 message = self.ActionResult(status=status, result=self.ActionResultType())
                 message.header.stamp = rospy.Time.now()
                 self.result_pub.publish(message)
-            message = GoalStatusArray(status_list=[one.status for one in list(self.status_list)])
-            message.header.stamp = rospy.Time.now()
-            self.status_pub.publish(message)
         finally:
             if locked:
                 self.lock.release()
@@ -358,6 +374,8 @@ class _Log:
 
     def __call__(self, write, *line):
         """Have write(*line) called, such as rospy.loginfo."""
+        if self._is_closed:
+            return
         with self._lock:
             if not self._is_started:
                 threading.Thread(target=self._run, daemon=True).start()
