@@ -153,9 +153,14 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         timeout, begun = _duration(timeout), rospy.get_rostime()
 
         def time_left() -> float:
+            nonlocal begun
             if rospy.is_shutdown():
                 return 0
-            return (timeout - (rospy.get_rostime() - begun)).to_sec() if timeout > rospy.Duration() else math.inf
+            if timeout <= rospy.Duration():
+                return math.inf
+            now = rospy.get_rostime()
+            begun = now if begun.is_zero() else min(begun, now)  # simulated time may begin or be set back meanwhile
+            return (timeout - (now - begun)).to_sec()
 
         if not goal.has_thread:
             self.__follow(goal, time_left)

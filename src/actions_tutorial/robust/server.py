@@ -3,8 +3,8 @@
 
 Used of actionlib though its documentation does not list it:
 * of SimpleActionServer: internal_goal_callback, internal_preempt_callback and executeLoop, which are overridden;
-  action_server, lock, execute_callback, execute_thread, preempt_callback, current_goal, next_goal, new_goal,
-  preempt_request. It offers no other way to start goals without a poll, or to end one that waits.
+  action_server, lock, execute_callback, execute_thread, need_to_terminate, preempt_callback, current_goal, next_goal,
+  new_goal, preempt_request. It offers no other way to start goals without a poll, or to end one that waits.
 * of ActionServer: initialize, publish_result, publish_feedback, internal_goal_callback and internal_cancel_callback,
   which are overridden; publish_status_async, ns, lock, started, status_list, status_timer, status_frequency,
   last_cancel, result_pub and the message types.
@@ -52,13 +52,13 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def __init__(self, name: str, ActionSpec: type, execute_cb: Optional[Callable[[Any], Any]] = None,
                  auto_start: bool = True, *, shutdown_timeout: float = 1.0) -> None:
+        self.__goal_came = threading.Event()
         if not 0 <= shutdown_timeout <= threading.TIMEOUT_MAX:
             raise ValueError("shutdown_timeout is %r, must be a number of seconds, 0 or more" % shutdown_timeout)
         # No execute_cb here: for one, actionlib would start a thread that polls.
         super().__init__(name, ActionSpec, execute_cb=None, auto_start=False)
         self.__shutdown_timeout = shutdown_timeout
         self.__shutting_down = False
-        self.__goal_came = threading.Event()
         self.__accepted_by = self.__ended_by = 0  # threads: the last to accept a goal, and the last to end one
         self.action_server = _ActionServer(
             name, ActionSpec, self.internal_goal_callback, self.internal_preempt_callback, auto_start=False)
@@ -69,6 +69,11 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         servers.add(self)
         if auto_start:
             SimpleActionServer.start(self)
+
+    def __del__(self) -> None:
+        """End the thread of execute_cb."""
+        self.need_to_terminate = True
+        self.__goal_came.set()
 
     def start(self) -> None:
         """Serve goals from now on. A second call does nothing."""
@@ -214,7 +219,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def executeLoop(self) -> None:
         """Overrides actionlib's, which polls: call execute_cb for each goal as soon as it has come."""
-        while not self.__shutting_down:
+        while not (self.__shutting_down or self.need_to_terminate):
             self.__goal_came.wait()
             self.__goal_came.clear()
             while self.is_new_goal_available() and not self.__shutting_down:
