@@ -68,8 +68,9 @@ class Process:
     def __init__(self, command, env=None, **popen):
         self.command, self.lines, self._news, self.started = command, [], threading.Condition(), time.monotonic()
         options = dict({"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}, **popen)
-        environment = dict(os.environ, **env or {})
+        environment = dict(os.environ)
         environment.pop("PYTHONUNBUFFERED", None)  # or nobody would see that a flush is missing
+        environment.update(env or {})
         self._popen = subprocess.Popen(command, env=environment, start_new_session=True, universal_newlines=True,
                                        errors="replace", **options)
         self.running_ones.add(self)
