@@ -54,7 +54,7 @@ class TestFeedback(unittest.TestCase):
     def test_feedback_is_for_its_own_goal_only(self):
         newer, of_older, of_newer = robust.SimpleActionClient("wash_dishes_as", WashTheDishesAction), [], []
         wait_connected(newer)
-        self.client.send_goal(WashTheDishesGoal(number_of_minutes=60), feedback_cb=of_older.append)
+        self.client.send_goal(WashTheDishesGoal(number_of_minutes=5), feedback_cb=of_older.append)
         eventually(lambda: of_older, "feedback for the older goal")
         newer.send_goal(WashTheDishesGoal(number_of_minutes=2), feedback_cb=of_newer.append)
         self.assertTrue(newer.wait_for_result(rospy.Duration(10)))

@@ -58,30 +58,30 @@ class TestGoal(unittest.TestCase):
         self.assertEqual(GoalStatus.SUCCEEDED, self.client.get_state())
 
     def test_newer_goal_takes_over(self):
-        older = self.raw.send(60)
+        older = self.raw.send(5)
         self.raw.wait_bowls(older, 1)
         newer = self.raw.send(0)
         self.assertEqual(PREEMPTED, self.raw.wait_result(older).status.status)
         self.assertEqual(SUCCEEDED, self.raw.wait_result(newer).status.status)
 
     def test_newer_goal_starts_within_the_servers_time(self):
-        self.raw.wait_bowls(self.raw.send(60), 1)
+        self.raw.wait_bowls(self.raw.send(5), 1)
         newer = self.raw.send(0)
         self.raw.wait_result(newer)
         waited = self.raw.times[newer, "result"] - self.raw.times[newer, "sent"]
         self.assertLess(waited, rospy.get_param("stops_within", 2))
 
     def test_last_of_many_goals_wins(self):
-        *older, newest = [self.raw.send(minutes) for minutes in [60] * 9 + [0]]
+        *older, newest = [self.raw.send(minutes) for minutes in [5] * 9 + [0]]
         self.assertEqual(SUCCEEDED, self.raw.wait_result(newest).status.status)
         for goal_id in older:
             self.assertIn(self.raw.wait_result(goal_id).status.status, [PREEMPTED, RECALLED])
         self.assertEqual(1, self.raw.active_at_once)
 
     def test_goal_cancelled_while_it_waits_is_not_washed(self):
-        older = self.raw.send(60)
+        older = self.raw.send(5)
         self.raw.wait_bowls(older, 1)
-        newer = self.raw.send(60)
+        newer = self.raw.send(5)
         self.raw.cancel(newer)
         result = self.raw.wait_result(newer)
         self.assertIn(result.status.status, [PREEMPTED, RECALLED])

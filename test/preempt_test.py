@@ -34,12 +34,12 @@ class TestPreempt(unittest.TestCase):
         self.assertEqual(washed, self.client.get_result().dishes_washed)
 
     def test_cancelled_goal_is_preempted_with_its_bowls(self):
-        self.wash(60, until=2)
+        self.wash(5, until=2)
         self.client.cancel_goal()
         self.check_outcome(GoalStatus.PREEMPTED, ["bowl-0", "bowl-1"])
 
     def test_cancel_acts_within_the_servers_time(self):
-        self.wash(60)
+        self.wash(5)
         begun = time.monotonic()
         self.client.cancel_goal()
         self.check_outcome(GoalStatus.PREEMPTED, ["bowl-0"])
@@ -52,12 +52,12 @@ class TestPreempt(unittest.TestCase):
         self.check_outcome(getattr(GoalStatus, outcome), ["bowl-0"])
 
     def test_cancel_of_all_goals_preempts_it(self):
-        self.wash(60)
+        self.wash(5)
         self.client.cancel_all_goals()
         self.check_outcome(GoalStatus.PREEMPTED, ["bowl-0"])
 
     def test_cancel_up_to_now_preempts_it(self):
-        self.wash(60)
+        self.wash(5)
         self.client.cancel_goals_at_and_before_time(rospy.Time.now())
         self.check_outcome(GoalStatus.PREEMPTED, ["bowl-0"])
 
@@ -80,7 +80,7 @@ class TestPreempt(unittest.TestCase):
         self.check_outcome(GoalStatus.SUCCEEDED, ["bowl-0"])
 
     def test_goal_after_a_cancelled_one_succeeds(self):
-        self.wash(60)
+        self.wash(5)
         self.client.cancel_goal()
         self.check_outcome(GoalStatus.PREEMPTED, ["bowl-0"])
         self.wash(1)
@@ -89,7 +89,7 @@ class TestPreempt(unittest.TestCase):
     def test_newer_goal_preempts_the_older_with_its_bowls(self):
         newer = robust.SimpleActionClient("wash_dishes_as", WashTheDishesAction)
         wait_connected(newer)
-        self.wash(60, until=2)
+        self.wash(5, until=2)
         newer.send_goal(WashTheDishesGoal(number_of_minutes=0))
         self.check_outcome(GoalStatus.PREEMPTED, ["bowl-0", "bowl-1"])
         self.assertTrue(newer.wait_for_result(rospy.Duration(10)))

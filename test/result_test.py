@@ -56,14 +56,14 @@ class TestResult(unittest.TestCase):
         self.assertEqual(rospy.get_param("text_succeeded", ""), self.client.get_goal_status_text())
 
     def test_text_of_a_cancelled_goal(self):
-        goal_id = self.raw.send(60)
+        goal_id = self.raw.send(5)
         self.raw.wait_bowls(goal_id, 1)
         self.raw.cancel(goal_id)
         result = self.raw.check_outcome(goal_id, PREEMPTED, ["bowl-0"])
         self.assertEqual(rospy.get_param("text_cancelled", ""), result.status.text)
 
     def test_text_of_a_goal_that_made_way_for_a_newer_one(self):
-        older = self.raw.send(60)
+        older = self.raw.send(5)
         self.raw.wait_bowls(older, 1)
         self.raw.check_outcome(self.raw.send(0), SUCCEEDED, [])
         result = self.raw.check_outcome(older, PREEMPTED, ["bowl-0"])
