@@ -63,7 +63,6 @@ class Process:
     subprocess.Popen. lines: [(s since the start, "stdout" or "stderr", text)]; usage: psutil.Process."""
 
     running_ones = set()
-    _ports = []  # sockets
 
     def __init__(self, command, env=None, **popen):
         self.command, self.lines, self._news, self.started = command, [], threading.Condition(), time.monotonic()
@@ -129,17 +128,9 @@ class Process:
             eventually(lambda: self.usage.status() == psutil.STATUS_STOPPED, "the process is stopped", self)
 
     def stop(self):
-        """Kill the group. Its ports stay reserved: when a node of the same name starts, the master sends a shutdown to
-        the old one's port, where another node could listen by then."""
-        ports = []
-        with contextlib.suppress(psutil.Error):  # it has ended
-            ports = [one.laddr.port for one in getattr(self.usage, "net_connections", self.usage.connections)("tcp4")
-                     if one.status == psutil.CONN_LISTEN]  # psutil 6 renamed it
+        """Kill the group."""
         self.kill()
         self.wait()
-        for port in ports:
-            with contextlib.suppress(OSError):
-                self._ports.append(bound_socket(port))
 
     def kill(self):
         """Kill the group, without waiting."""
@@ -202,36 +193,22 @@ class Group:
 
 
 class Master(Group):
-    """A rosmaster on a free port, with a ROS_HOME of its own, and processes that run on it. process: the master's."""
+    """A rosmaster on a free port, with a ROS_HOME of its own, and processes that run on it."""
 
     homes = []  # folders, of all masters together
 
-    def __init__(self, _=None):
+    def __init__(self):
         self._port = bound_socket()
-        self.uri = "http://localhost:%d" % self._port.getsockname()[1]
+        port = str(self._port.getsockname()[1])
         self.home = tempfile.mkdtemp(prefix="actions_tutorial-")
         self.homes.append(self.home)
-        super().__init__(ROS_MASTER_URI=self.uri, ROS_HOSTNAME="localhost", ROS_IP="", ROS_NAMESPACE="",
-                         ROS_HOME=self.home, ROS_LOG_DIR=os.path.join(self.home, "log"))
-        self.run()
-
-    @property
-    def api(self):
-        """The master's API (rosgraph.Master), a new one each time: threads cannot share one."""
-        return rosgraph.Master("/test", self.uri)
-
-    def run(self):
-        """Start the master, also again on the same port after kill()."""
-        self.process = Process(["rosmaster", "--core", "-p", self.uri.rpartition(":")[2]], self.env)
-        eventually(lambda: rosgraph.is_master_online(self.uri), "a master at " + self.uri, self.process)
-
-    def kill(self):
-        """Kill the master alone; its nodes live on."""
-        self.process.stop()
+        super().__init__(ROS_MASTER_URI="http://localhost:" + port, ROS_HOSTNAME="localhost", ROS_IP="",
+                         ROS_NAMESPACE="", ROS_HOME=self.home, ROS_LOG_DIR=os.path.join(self.home, "log"))
+        master = self.start("rosmaster", "--core", "-p", port)
+        eventually(lambda: rosgraph.is_master_online(self.env["ROS_MASTER_URI"]), "a master", master)
 
     def stop(self):
         super().stop()
-        self.kill()
         self._port.close()
         shutil.rmtree(self.home, ignore_errors=True)
 
@@ -360,7 +337,7 @@ class RawClient:
         result = self.wait_result(goal_id)
         assert (result.status.status, result.result.dishes_washed) == (state, washed), \
             "expected %s %s with %s: %s" % (goal_id, NAMES[state], washed, self)
-        self.wait(lambda: self.bowls_of(goal_id) == washed, "feedback of %s for %s" % (washed, goal_id))
+        self.wait(lambda: self.bowls_of(goal_id) == washed, "feedback of %s for %s" % (washed, goal_id), timeout=10)
         return result
 
     def bowls_of(self, goal_id):
@@ -411,7 +388,6 @@ class SimulatedClock:
         self._here, self._news = None, threading.Condition()
         self._publisher = rospy.Publisher("/clock", Clock, queue_size=100, latch=True)
         self._subscriber = rospy.Subscriber("/clock", Clock, self._follow)  # called after rospy's own, which came first
-        self._turns = threading.RLock()
         self.set(rospy.Time(1000))
 
     def _follow(self, message):
@@ -421,15 +397,13 @@ class SimulatedClock:
 
     def set(self, time):
         """Set the clock to time (rospy.Time): in this process at once, in other nodes soon."""
-        with self._turns:
-            self.now = time
-            self._publisher.publish(time)
-            eventually(lambda: self._here == time, "a /clock that comes back", news=self._news)
+        self.now = time
+        self._publisher.publish(time)
+        eventually(lambda: self._here == time, "a /clock that comes back", news=self._news)
 
     def turn(self, seconds, client=None):
         """Turn the clock on by seconds. client: a RawClient, to wait for the server's next status (0.25 s or more)."""
-        with self._turns:
-            self.set(self.now + rospy.Duration.from_sec(seconds))
+        self.set(self.now + rospy.Duration.from_sec(seconds))
         if client:
             client.wait(lambda: client.status.header.stamp == self.now, "a status of %.2f s" % self.now.to_sec())
 
