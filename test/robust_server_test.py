@@ -1,0 +1,406 @@
+#!/usr/bin/env python3
+"""robust.SimpleActionServer: one test for each thing that it does other than actionlib's, seen on the action's topics.
+
+The client is a RawClient, which sends plain messages. What the server does is the execute_cb in each test.
+"""
+import threading
+import time
+import unittest
+
+import actionlib
+from rosgraph_msgs.msg import Log
+import rospy
+import rostest
+
+from actions_tutorial import robust
+from actions_tutorial.msg import WashTheDishesAction, WashTheDishesFeedback, WashTheDishesResult
+from harness import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED, RawClient, bowls, eventually
+
+
+class TestRobustServer(unittest.TestCase):
+
+    @classmethod
+    def setUpClass(cls):
+        rospy.init_node("robust_server_test")
+        cls.log = []  # Log
+        rospy.Subscriber("/rosout", Log, lambda line: cls.log.append(line) if line.name == rospy.get_name() else None)
+
+    def setUp(self):
+        self.namespace = "/" + self.id().split(".")[-1]
+        self.name = self.namespace + "/wash_dishes_as"
+        self.started = []  # number_of_minutes of each goal that work() was called with
+        self.slept = []  # what its sleep() returned
+
+    def serve(self, execute_cb=None, goal_cb=None, preempt_cb=None):
+        """Start a server, with goal_cb instead of execute_cb if that is given, and connect self.client."""
+        self.server = robust.SimpleActionServer(self.name, WashTheDishesAction, execute_cb, auto_start=False)
+        if goal_cb:
+            self.server.register_goal_callback(goal_cb)
+        self.server.register_preempt_callback(preempt_cb)
+        self.server.start()
+        self.client = RawClient(self.namespace)
+        self.addCleanup(self.client.close)
+        self.client.wait_connected()
+
+    def work(self, goal):
+        """An execute_cb: 0 minutes SUCCEED at once, others sleep on the server's rate for 100 s or until stopped."""
+        self.started.append(goal.number_of_minutes)
+        if goal.number_of_minutes:
+            self.slept.append(self.server.rate(0.01).sleep())
+            self.server.set_preempted(WashTheDishesResult(bowls(goal.number_of_minutes)))
+        else:
+            self.server.set_succeeded()
+
+    def accept_and_work(self):
+        """A goal callback that leaves the work to a thread."""
+        goal = self.server.accept_new_goal()
+        threading.Thread(target=self.work, args=[goal], daemon=True).start()
+
+    def send_active(self, number_of_minutes, **options):
+        """Send a goal and wait until it is ACTIVE. Returns its id."""
+        goal = self.client.send(number_of_minutes, **options)
+        self.client.wait(lambda: ACTIVE in self.client.states.get(goal, []), "%s ACTIVE" % goal)
+        eventually(lambda: number_of_minutes in self.started, "the goal started", self.client)
+        return goal
+
+    def expect(self, goal, state, text=None):
+        """Wait for the outcome of a goal: its state and, if given, its whole text. Returns the message."""
+        message = self.client.wait_result(goal)
+        self.assertEqual(state, message.status.status, self.client)
+        if text is not None:
+            self.assertEqual(text, message.status.text)
+        return message
+
+    def wait_log(self, text, level=Log.INFO):
+        """Wait for a line of log that holds text."""
+        eventually(lambda: any(text in one.msg and one.level == level for one in list(self.log)), "log: " + text)
+
+    # Start
+
+    def test_20_empty_goals_take_less_than_2_s(self):
+        self.serve(self.work)
+        begun = time.monotonic()
+        for _ in range(20):
+            self.expect(self.client.send(0), SUCCEEDED)
+        self.assertLess(time.monotonic() - begun, 2)
+
+    def test_burst_of_300_goals_gives_300_outcomes(self):
+        self.serve(self.work)
+        goals = [self.client.send(0) for _ in range(300)]
+        for goal in goals:
+            self.assertIn(self.client.wait_result(goal).status.status, (SUCCEEDED, RECALLED, PREEMPTED))
+        self.expect(goals[-1], SUCCEEDED)
+
+    def test_second_start_does_nothing(self):
+        self.serve(self.work)
+        self.server.start()
+        stamps = set()
+        rospy.Subscriber(self.name + "/status", type(self.client.status), lambda one: stamps.add(one.header.stamp))
+        rospy.sleep(2)
+        self.assertLess(len(stamps), 15, "statuses in 2 s, 5 a second")
+
+    def test_server_is_an_actionlib_server(self):
+        self.serve(self.work)
+        self.assertIsInstance(self.server, actionlib.SimpleActionServer)
+
+    def test_shutdown_timeout_below_0_is_a_value_error(self):
+        for wrong in -1, float("nan"):
+            with self.assertRaises(ValueError):
+                robust.SimpleActionServer(self.name, WashTheDishesAction, self.work, False, shutdown_timeout=wrong)
+
+    # rate
+
+    def test_rate_sleeps_its_period_and_returns_true(self):
+        took = []
+
+        def execute_cb(_):
+            rate, begun = self.server.rate(10), time.monotonic()
+            for _ in range(10):
+                self.slept.append(rate.sleep())
+                time.sleep(0.05)  # work, which is no drift
+            took.append(time.monotonic() - begun)
+            self.server.set_succeeded()
+
+        self.serve(execute_cb)
+        self.expect(self.client.send(0), SUCCEEDED)
+        self.assertEqual([True] * 10, self.slept)
+        self.assertGreater(took[0], 0.99)
+        self.assertLess(took[0], 1.4)
+
+    def test_cancel_wakes_rate(self):
+        self.serve(self.work)
+        goal = self.send_active(2)
+        self.client.cancel(goal)
+        self.assertEqual(bowls(2), self.expect(goal, PREEMPTED).result.dishes_washed)
+        self.assertEqual([False], self.slept)
+
+    def test_newer_goal_wakes_rate(self):
+        self.serve(self.work)
+        older = self.send_active(2)
+        newer = self.client.send(0)
+        self.assertEqual(bowls(2), self.expect(older, PREEMPTED).result.dishes_washed)
+        self.expect(newer, SUCCEEDED)
+        self.assertEqual([False], self.slept)
+
+    def test_cancel_wakes_rate_of_a_server_with_goal_callback(self):
+        self.serve(goal_cb=self.accept_and_work)
+        goal = self.send_active(2)
+        self.client.cancel(goal)
+        self.assertEqual(bowls(2), self.expect(goal, PREEMPTED).result.dishes_washed)
+
+    def test_newer_goal_wakes_rate_of_a_server_with_goal_callback(self):
+        def goal_cb():
+            goal = self.server.accept_new_goal()
+            if goal.number_of_minutes:
+                threading.Thread(target=lambda: self.slept.append(self.server.rate(0.01).sleep()), daemon=True).start()
+                self.started.append(goal.number_of_minutes)
+            else:
+                self.server.set_succeeded()
+
+        self.serve(goal_cb=goal_cb)
+        older = self.send_active(2)
+        newer = self.client.send(0)
+        self.expect(older, PREEMPTED)
+        self.expect(newer, SUCCEEDED)
+        eventually(lambda: self.slept == [False], "a rate that woke")
+
+    def test_goal_after_a_cancelled_one_sleeps_its_period(self):
+        def execute_cb(goal):
+            self.started.append(goal.number_of_minutes)
+            self.slept.append(self.server.rate(0.01 if goal.number_of_minutes else 10).sleep())
+            (self.server.set_succeeded if self.slept[-1] else self.server.set_preempted)()
+
+        self.serve(execute_cb)
+        goal = self.send_active(2)
+        self.client.cancel(goal)
+        self.expect(goal, PREEMPTED)
+        self.expect(self.client.send(0), SUCCEEDED)
+        self.assertEqual([False, True], self.slept)
+
+    def test_is_preempt_requested_after_a_cancel(self):
+        asked = []
+
+        def execute_cb(goal):
+            self.started.append(goal.number_of_minutes)
+            asked.append(self.server.is_preempt_requested())
+            self.server.rate(0.01).sleep()
+            asked.append(self.server.is_preempt_requested())
+            self.server.set_preempted()
+
+        self.serve(execute_cb)
+        goal = self.send_active(1)
+        self.client.cancel(goal)
+        self.expect(goal, PREEMPTED)
+        self.assertEqual([False, True], asked)
+
+    # Outcomes
+
+    def test_execute_cb_without_outcome_is_aborted_and_logged(self):
+        self.serve(lambda goal: None)
+        message = self.expect(self.client.send(0), ABORTED)
+        self.assertIn("returned without a terminal state", message.status.text)
+        self.wait_log(self.name + ": execute_cb returned without a terminal state", Log.WARN)
+
+    def test_execute_cb_that_raises_is_aborted_and_next_goal_served(self):
+        for error in ValueError("out of soap"), SystemExit("out of soap"), KeyboardInterrupt("out of soap"):
+            with self.subTest(error=error):
+                self.namespace = "/raises_" + type(error).__name__
+                self.name = self.namespace + "/wash_dishes_as"
+
+                def execute_cb(goal):
+                    if goal.number_of_minutes:
+                        raise error
+                    self.server.set_succeeded()
+
+                self.serve(execute_cb)
+                message = self.expect(self.client.send(1), ABORTED)
+                self.assertIn("%s: out of soap" % type(error).__name__, message.status.text)
+                self.wait_log("%s: execute_cb failed\nTraceback" % self.name, Log.ERROR)
+                self.expect(self.client.send(0), SUCCEEDED)
+
+    def test_execute_cb_that_raises_after_its_outcome_keeps_that(self):
+        def execute_cb(goal):
+            self.server.set_succeeded()
+            raise ValueError("too late")
+
+        self.serve(execute_cb)
+        self.expect(self.client.send(0), SUCCEEDED)
+        self.wait_log("too late", Log.ERROR)
+        self.expect(self.client.send(0), SUCCEEDED)
+
+    def test_result_that_cannot_be_sent_is_aborted_with_the_reason(self):
+        wrong = [WashTheDishesResult([7]), WashTheDishesResult("bowl"), WashTheDishesResult([None])]
+        ends = "set_succeeded", "set_aborted", "set_preempted"
+
+        def execute_cb(goal):
+            if goal.number_of_minutes < 3:
+                getattr(self.server, ends[goal.number_of_minutes])(wrong[goal.number_of_minutes])
+            else:
+                self.server.set_succeeded(WashTheDishesResult(["whole"]))
+
+        self.serve(execute_cb)
+        for number in 0, 2:
+            message = self.expect(self.client.send(number), ABORTED)
+            self.assertRegex(message.status.text, "the result cannot be sent: .+")
+            self.assertEqual(["whole"], self.expect(self.client.send(3), SUCCEEDED).result.dishes_washed)
+
+    def test_feedback_that_cannot_be_sent_raises_and_spoils_nothing(self):
+        def execute_cb(_):
+            with self.assertRaises(rospy.ROSSerializationException):
+                self.server.publish_feedback(WashTheDishesFeedback(7))
+            self.server.publish_feedback(WashTheDishesFeedback("bowl-0"))
+            self.server.set_succeeded(WashTheDishesResult(bowls(1)))
+
+        self.serve(execute_cb)
+        self.client.check_outcome(self.client.send(1), SUCCEEDED, bowls(1))
+
+    def test_text_that_utf8_cannot_hold_is_escaped(self):
+        self.serve(lambda goal: self.server.set_aborted(text="soap \udcff, größer"))
+        self.expect(self.client.send(0), ABORTED, "soap \\udcff, größer")
+
+    def test_default_texts(self):
+        def execute_cb(goal):
+            self.started.append(goal.number_of_minutes)
+            if goal.number_of_minutes == 9:
+                self.server.rate(0.01).sleep()
+            (self.server.set_succeeded, self.server.set_aborted, self.server.set_preempted)[goal.number_of_minutes % 7]()
+
+        self.serve(execute_cb)
+        self.expect(self.client.send(0), SUCCEEDED, "all done")
+        self.expect(self.client.send(1), ABORTED, "the server gave up")
+        self.expect(self.client.send(2), PREEMPTED, "preempted by the server")
+        goal = self.send_active(9)
+        self.client.cancel(goal)
+        self.expect(goal, PREEMPTED, "cancelled")
+        self.started.clear()
+        goal = self.send_active(9)
+        self.client.send(0)
+        self.expect(goal, PREEMPTED, "a newer goal came")
+
+    def test_own_text_is_kept(self):
+        self.serve(lambda goal: self.server.set_succeeded(text="sparkling"))
+        self.expect(self.client.send(0), SUCCEEDED, "sparkling")
+
+    # Stamps and ids
+
+    def test_goal_with_an_earlier_stamp_takes_over(self):
+        self.serve(self.work)
+        older = self.send_active(2)
+        newer = self.client.send(0, stamp=rospy.Time.now() - rospy.Duration(100))
+        self.expect(older, PREEMPTED)
+        self.expect(newer, SUCCEEDED)
+
+    def test_goal_after_one_with_a_stamp_in_the_future_is_served(self):
+        self.serve(self.work)
+        older = self.send_active(2, stamp=rospy.Time.now() + rospy.Duration(1000))
+        self.expect(self.client.send(0), SUCCEEDED)
+        self.expect(older, PREEMPTED)
+        self.expect(self.client.send(0), SUCCEEDED)
+
+    def test_goal_after_a_cancel_stamped_in_the_future_is_served(self):
+        self.serve(self.work)
+        goal = self.send_active(2)
+        self.client.cancel(stamp=rospy.Time.now() + rospy.Duration(1000))
+        self.expect(goal, PREEMPTED)
+        self.expect(self.client.send(0), SUCCEEDED)
+
+    def test_repeated_id_is_logged_and_not_executed(self):
+        self.serve(self.work)
+        for _ in range(2):
+            self.client.send(0, goal_id="twice\033[2J")
+        self.wait_log(r"'twice\x1b[2J'", Log.WARN)
+        self.expect("twice\033[2J", SUCCEEDED)
+        self.expect(self.client.send(0), SUCCEEDED)
+        self.assertEqual([0, 0], self.started)
+
+    # A goal that is cancelled while it waits
+
+    def test_goal_cancelled_while_it_waits_is_not_started(self):
+        busy = threading.Event()
+
+        def execute_cb(goal):
+            self.started.append(goal.number_of_minutes)
+            if goal.number_of_minutes == 1:
+                busy.wait(60)
+            self.server.set_succeeded()
+
+        self.serve(execute_cb)
+        self.addCleanup(busy.set)
+        first = self.send_active(1)
+        waiting = self.client.send(2)
+        self.client.wait(lambda: waiting in self.client.states, "the second goal in the status")
+        self.client.cancel(waiting)
+        self.expect(waiting, RECALLED, "cancelled before it was started")
+        self.assertNotIn(first, self.client.results, "RECALLED at once, not after the first")
+        busy.set()
+        self.expect(first, SUCCEEDED)
+        self.expect(self.client.send(3), SUCCEEDED)
+        self.assertEqual([1, 3], self.started)
+
+    def test_accept_new_goal_of_a_goal_cancelled_is_none(self):
+        self.serve(goal_cb=lambda: self.started.append("came"))
+        goal = self.client.send(2)
+        eventually(lambda: self.started, "a goal", self.client)
+        self.client.cancel(goal)
+        self.expect(goal, RECALLED)
+        self.assertIsNone(self.server.accept_new_goal())
+        self.assertFalse(self.server.is_new_goal_available())
+
+    def test_cancel_that_comes_before_its_goal_recalls_it(self):
+        self.serve(self.work)
+        self.client.cancel("early")
+        self.client.wait(lambda: "early" in self.client.states, "the cancel in the status")
+        self.client.send(1, goal_id="early")
+        self.expect("early", RECALLED)
+        self.expect(self.client.send(0), SUCCEEDED)
+        self.assertEqual([0], self.started)
+
+    # Callbacks that raise
+
+    def test_goal_callback_that_raises_before_it_accepts_is_recalled(self):
+        self.check_goal_callback(False, RECALLED)
+
+    def test_goal_callback_that_raises_after_it_accepted_is_aborted(self):
+        self.check_goal_callback(True, ABORTED)
+
+    def check_goal_callback(self, accepts, state):
+        errors = [ValueError("out of soap"), SystemExit("out of soap"), None]
+
+        def goal_cb():
+            error = errors.pop(0)
+            if accepts or not error:
+                self.server.accept_new_goal()
+            if error:
+                raise error
+            self.server.set_succeeded()
+
+        self.serve(goal_cb=goal_cb)
+        for kind in "ValueError", "SystemExit":
+            message = self.expect(self.client.send(1), state)
+            self.assertIn(kind + ": out of soap", message.status.text)
+        self.wait_log("%s: the goal callback failed\nTraceback" % self.name, Log.ERROR)
+        self.expect(self.client.send(0), SUCCEEDED)
+
+    def test_preempt_callback_that_raises_is_logged(self):
+        def preempt_cb():
+            raise SystemExit("no brake")
+
+        self.serve(self.work, preempt_cb=preempt_cb)
+        goal = self.send_active(2)
+        self.client.cancel(goal)
+        self.expect(goal, PREEMPTED)
+        self.wait_log("no brake", Log.ERROR)
+        self.expect(self.client.send(0), SUCCEEDED)
+
+    # Log
+
+    def test_log_names_the_action_at_start_goal_and_outcome(self):
+        self.serve(self.work)
+        self.expect(self.client.send(0), SUCCEEDED)
+        self.wait_log(self.name + " waits for goals")
+        self.wait_log(self.name + ": goal accepted")
+        self.wait_log(self.name + ": goal SUCCEEDED: all done")
+
+
+if __name__ == "__main__":
+    rostest.rosrun("actions_tutorial", "robust_server", TestRobustServer)
