@@ -263,7 +263,8 @@ class TestRobustServer(unittest.TestCase):
             self.started.append(goal.number_of_minutes)
             if goal.number_of_minutes == 9:
                 self.server.rate(0.01).sleep()
-            (self.server.set_succeeded, self.server.set_aborted, self.server.set_preempted)[goal.number_of_minutes % 7]()
+            ends = self.server.set_succeeded, self.server.set_aborted, self.server.set_preempted
+            ends[goal.number_of_minutes % 7]()
 
         self.serve(execute_cb)
         self.expect(self.client.send(0), SUCCEEDED, "all done")

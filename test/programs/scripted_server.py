@@ -1,0 +1,106 @@
+#!/usr/bin/env python3
+"""A node that serves the action `scripted` (actionlib/TestRequest) on its five topics as the goals say.
+
+result_text of a goal is its script: words that are carried out one after the other, in a thread of its own.
+
+| word | what the node does |
+| --- | --- |
+| ACTIVE, PREEMPTING … (a state) | publishes a status that lists the goal so |
+| result:SUCCEEDED … (a state) | publishes a result: that state, the_result of the goal, the text "by script" |
+| status:SUCCEEDED … (a state) | publishes a status of an earlier moment, without keeping the state |
+| feedback | publishes feedback |
+| others | publishes a status that lists another goal only |
+| unlisted | lists the goal no longer |
+| silent, beat | publishes no status of its own accord, or again ten times a second (as at the start) |
+| cancel | waits until a cancel of the goal comes |
+| go | waits for a message on the topic scripted/go |
+| text:no_soap | gives what follows another text, with a line break for each _ |
+| 0.5 | sleeps so many seconds |
+"""
+import threading
+import time
+
+from actionlib.msg import TestRequestActionFeedback, TestRequestActionGoal, TestRequestActionResult
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
+import rospy
+from std_msgs.msg import Empty
+
+RUNNING = GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING
+
+
+class ScriptedServer:
+
+    def __init__(self, name="scripted"):
+        self.listed, self.cancelled, self.went, self.beats = {}, set(), 0, True  # listed: {id: GoalStatus}
+        self.news = threading.Condition()
+        self.status_pub = rospy.Publisher(name + "/status", GoalStatusArray, queue_size=1000, latch=True)
+        self.result_pub = rospy.Publisher(name + "/result", TestRequestActionResult, queue_size=1000)
+        self.feedback_pub = rospy.Publisher(name + "/feedback", TestRequestActionFeedback, queue_size=1000)
+        rospy.Subscriber(name + "/goal", TestRequestActionGoal, self.on_goal)
+        rospy.Subscriber(name + "/cancel", GoalID, self.on_cancel)
+        rospy.Subscriber(name + "/go", Empty, self.on_go)
+        self.publish_status()
+        rospy.Timer(rospy.Duration(0.1), lambda _: self.beats and self.publish_status())
+
+    def on_goal(self, goal):
+        with self.news:
+            self.beats = True  # whatever the goal before has left
+            self.listed = {one: status for one, status in self.listed.items() if status.status in RUNNING}
+        threading.Thread(target=self.run, args=[goal, self.went], daemon=True).start()
+
+    def on_cancel(self, goal_id):
+        with self.news:
+            self.cancelled.add(goal_id.id)
+            self.news.notify_all()
+
+    def on_go(self, _):
+        with self.news:
+            self.went += 1
+            self.news.notify_all()
+
+    def publish_status(self, *statuses):
+        with self.news:
+            message = GoalStatusArray(status_list=list(statuses or self.listed.values()))
+            message.header.stamp = rospy.Time.now()
+            self.status_pub.publish(message)
+
+    def run(self, message, went):
+        """Carry out a goal's script. went: how many messages had come on scripted/go when the goal came."""
+        goal_id, text = message.goal_id, "by script"
+        for word in message.goal.result_text.split():
+            kind, _, state = word.rpartition(":")
+            if word == "feedback":
+                self.feedback_pub.publish(TestRequestActionFeedback(
+                    status=self.listed.get(goal_id.id) or GoalStatus(goal_id=goal_id, status=GoalStatus.ACTIVE)))
+            elif word == "others":
+                self.publish_status(GoalStatus(goal_id=GoalID(id="another"), status=GoalStatus.ACTIVE))
+            elif word == "unlisted":
+                self.listed.pop(goal_id.id, None)
+                self.publish_status()
+            elif word in ("silent", "beat"):
+                self.beats = word == "beat"
+            elif word in ("cancel", "go"):
+                with self.news:
+                    self.news.wait_for(lambda: goal_id.id in self.cancelled if word == "cancel" else self.went > went)
+                    went += word == "go"
+            elif kind == "text":
+                text = state.replace("_", "\n")
+            elif state.isupper():
+                status = GoalStatus(goal_id=goal_id, status=getattr(GoalStatus, state), text=text)
+                if kind == "result":
+                    result = TestRequestActionResult(status=status)
+                    result.result.the_result = message.goal.the_result
+                    self.result_pub.publish(result)
+                elif kind == "status":
+                    self.publish_status(status)
+                else:
+                    self.listed[goal_id.id] = status
+                    self.publish_status()
+            else:
+                time.sleep(float(word))
+
+
+if __name__ == "__main__":
+    rospy.init_node("scripted_server")
+    ScriptedServer()
+    rospy.spin()

@@ -1,0 +1,27 @@
+#!/usr/bin/env python3
+"""Sends a goal, waits and prints its state and get_failure(): shutdown_client.py SCRIPT cancels|default [HOOK]
+
+SCRIPT: what the scripted server does. cancels: with cancel_on_shutdown. HOOK: s for which a function of
+rospy.on_shutdown takes.
+"""
+import time
+
+from actionlib.msg import TestRequestAction, TestRequestGoal
+from actions_tutorial import robust
+import rospy
+
+
+def main():
+    script, cancels, *hook = rospy.myargv()[1:]
+    rospy.init_node("shutdown_client", anonymous=True)
+    if hook:
+        rospy.on_shutdown(lambda: time.sleep(float(hook[0])) or print("hook ended", flush=True))
+    client = robust.SimpleActionClient("scripted", TestRequestAction, cancel_on_shutdown=cancels == "cancels")
+    client.wait_for_server()
+    client.send_goal(TestRequestGoal(result_text=script), active_cb=lambda: print("active", flush=True))
+    over = client.wait_for_result()
+    print(over, robust.client.STATE_NAMES[client.get_state()], client.get_failure(), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,82 @@
+#!/usr/bin/env python3
+"""Three robust servers of WashTheDishes, for a test that shuts this program down: shutdown_server.py [HOOK]
+
+They are first/wash_dishes_as and second/wash_dishes_as, and callbacks/wash_dishes_as with goal and preempt callbacks.
+HOOK: s for which a function of rospy.on_shutdown takes, by default 0. Prints what happens. Ends when its stdin says so:
+"return" ends the main thread, "signal_shutdown" calls rospy.signal_shutdown.
+
+A goal of n minutes stops when asked to, with n bowls. Others:
+* 100: it does not stop for a minute.
+* 200: it stops with a text of its own.
+* 300: it looks once in 10 ms whether it should stop, without a rate.
+* 400: it was asked to stop by a client, and does so only during the shutdown.
+* 500: it stops when the preempt callback is called.
+"""
+import sys
+import threading
+import time
+
+from actions_tutorial import robust
+from actions_tutorial.msg import WashTheDishesAction, WashTheDishesResult
+import rospy
+
+shutdown, returns, preempted = threading.Event(), threading.Event(), threading.Event()
+
+
+def work(server, minutes):
+    if minutes == 100:
+        time.sleep(60)
+    elif minutes == 300:
+        while not server.is_preempt_requested():
+            time.sleep(0.01)
+    elif minutes in (400, 500):
+        (shutdown if minutes == 400 else preempted).wait()
+    else:
+        server.rate(0.01).sleep()
+    result = WashTheDishesResult(["bowl-%d" % i for i in range(minutes % 100)])
+    server.set_preempted(result, "rinsed" if minutes == 200 else "")
+
+
+def serve(name, shutdown_timeout=1.0):
+    server = robust.SimpleActionServer(
+        name + "/wash_dishes_as", WashTheDishesAction, lambda goal: work(server, goal.number_of_minutes),
+        auto_start=False, shutdown_timeout=shutdown_timeout)
+    server.start()
+
+
+def serve_callbacks():
+    def goal_cb():
+        goal = server.accept_new_goal()
+        threading.Thread(target=work, args=[server, goal.number_of_minutes], daemon=True).start()
+
+    server = robust.SimpleActionServer("callbacks/wash_dishes_as", WashTheDishesAction, auto_start=False)
+    server.register_goal_callback(goal_cb)
+    server.register_preempt_callback(preempted.set)
+    server.start()
+
+
+def hook():
+    shutdown.set()
+    time.sleep(float(rospy.myargv()[1]) if rospy.myargv()[1:] else 0)
+    print("hook ended", flush=True)
+
+
+def read_stdin():
+    for line in sys.stdin:
+        returns.set() if line == "return\n" else rospy.signal_shutdown("the program says so")
+
+
+def main():
+    rospy.init_node("shutdown_server")
+    rospy.on_shutdown(hook)
+    serve("first")
+    serve("second", 2.0)
+    serve_callbacks()
+    threading.Thread(target=read_stdin, daemon=True).start()
+    print("ready", flush=True)
+    while not returns.wait(0.02) and not rospy.is_shutdown():
+        pass
+
+
+if __name__ == "__main__":
+    main()

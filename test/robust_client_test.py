@@ -1,0 +1,376 @@
+#!/usr/bin/env python3
+"""robust.SimpleActionClient: one test for each thing that it does other than actionlib's.
+
+The server is programs/scripted_server.py. Each goal is a script of what it does: `ACTIVE go result:SUCCEEDED`.
+"""
+import sys
+import threading
+import time
+
+import actionlib
+from actionlib.msg import TestRequestAction, TestRequestActionGoal, TestRequestGoal
+from actionlib_msgs.msg import GoalStatus
+import rospy
+import rostest
+
+from actions_tutorial import robust
+from harness import ABORTED, ACTIVE, PENDING, PREEMPTED, RECALLED, SUCCEEDED, run
+from scripted import ScriptedCase, script
+
+LOST = GoalStatus.LOST
+
+
+class TestRobustClient(ScriptedCase):
+
+    library = robust
+
+    # Send
+
+    def test_client_is_an_actionlib_client(self):
+        self.connect()
+        self.assertIsInstance(self.client, actionlib.SimpleActionClient)
+
+    def test_one_send_goal_sends_one_message(self):
+        self.connect()
+        self.send("silent")
+        self.assertFalse(self.client.wait_for_result(3))
+        self.assertEqual(1, len(self.goals))
+
+    def test_goal_message_may_be_changed_and_sent_again(self):
+        self.connect()
+        goal = script("result:SUCCEEDED", 1)
+        self.client.send_goal(goal)
+        goal.the_result = 2
+        self.expect(SUCCEEDED, 1)
+        self.client.send_goal(goal)
+        self.expect(SUCCEEDED, 2)
+
+    def test_ids_are_unique(self):
+        self.connect()
+        for _ in range(3):
+            self.send("result:SUCCEEDED")
+            self.expect(SUCCEEDED)
+        self.assertEqual(3, len({goal.goal_id.id for goal in self.goals}))
+
+    def test_action_goal_is_a_type_error_that_says_which_type(self):
+        self.connect()
+        with self.assertRaisesRegex(TypeError, "TestRequestActionGoal.*must be a actionlib/TestRequestGoal"):
+            self.client.send_goal(TestRequestActionGoal())
+        with self.assertRaises(TypeError):
+            self.client.send_goal("wash")
+
+    def test_goal_that_cannot_be_sent_raises_and_spoils_nothing(self):
+        self.connect()
+        with self.assertRaises(rospy.ROSSerializationException):
+            self.client.send_goal(TestRequestGoal(the_result="many"))
+        self.send("result:SUCCEEDED", 3)
+        self.expect(SUCCEEDED, 3)
+        self.assertEqual(1, len(self.goals))
+
+    # State, result and callbacks
+
+    def test_state_is_pending_then_active_then_terminal(self):
+        self.connect()
+        self.send("PENDING go ACTIVE go result:ABORTED", 4)
+        self.assertFalse(self.client.wait_for_result(0.3))
+        self.assertEqual(PENDING, self.client.get_state())
+        self.go()
+        self.wait_state(ACTIVE)
+        self.go()
+        self.expect(ABORTED, 4)
+        self.assertEqual([(ABORTED, 4)], self.done)
+        self.assertEqual("by script", self.client.get_goal_status_text())
+
+    def test_state_is_active_until_the_result_is_there(self):
+        self.connect()
+        self.send("ACTIVE SUCCEEDED go result:SUCCEEDED", 5)
+        self.wait_state(ACTIVE)
+        self.assertFalse(self.client.wait_for_result(0.5))
+        self.assertEqual((ACTIVE, None, []), (self.client.get_state(), self.client.get_result(), self.done))
+        self.go()
+        self.expect(SUCCEEDED, 5)
+
+    def test_result_without_any_status_ends_the_goal(self):
+        self.connect()
+        for state in SUCCEEDED, ABORTED, PREEMPTED, RECALLED, GoalStatus.REJECTED:
+            self.send("silent result:" + robust.client.STATE_NAMES[state], 6)
+            self.expect(state, 6)
+        self.assertEqual(5, len(self.done))
+        self.assertEqual(3, len(self.active), "RECALLED and REJECTED goals were never active")
+
+    def test_status_after_the_result_changes_nothing(self):
+        self.connect()
+        self.send("ACTIVE result:SUCCEEDED 0.1 PREEMPTING unlisted feedback", 7)
+        self.eventually(lambda: self.feedback, "the last word of the script")
+        self.expect(SUCCEEDED, 7)
+        self.assertEqual([(SUCCEEDED, 7)], self.done)
+
+    def test_done_cb_has_run_when_wait_for_result_returns(self):
+        self.connect()
+
+        def slow(state, result):
+            time.sleep(0.5)
+            self.done.append(state)
+
+        self.send("result:SUCCEEDED", done_cb=slow)
+        self.expect(SUCCEEDED)
+        self.assertEqual([SUCCEEDED], self.done)
+
+    def test_state_and_result_are_there_when_done_cb_is_called(self):
+        self.connect()
+        self.send("ACTIVE SUCCEEDED 0.2 result:SUCCEEDED", 8, done_cb=lambda state, result: self.done.append(
+            (state, result.the_result, self.client.get_state(), self.client.get_result().the_result)))
+        self.expect(SUCCEEDED)
+        self.assertEqual([(SUCCEEDED, 8, SUCCEEDED, 8)], self.done)
+
+    def test_callback_that_raises_is_logged_and_spoils_nothing(self):
+        self.connect()
+        for callback in "active_cb", "feedback_cb", "done_cb":
+            for error in ValueError, SystemExit:
+                self.setUp()
+
+                def broken(*_):
+                    raise error("of %s" % callback)
+
+                self.send("ACTIVE feedback 0.1 result:SUCCEEDED 0.1 feedback", 9, **{callback: broken})
+                self.expect(SUCCEEDED, 9)
+                self.wait_log("%s: of %s" % (error.__name__, callback))
+                if callback != "feedback_cb":
+                    self.eventually(lambda: len(self.feedback) == 2, "two times feedback")
+                self.assertEqual((callback != "done_cb", callback != "active_cb"), (bool(self.done), bool(self.active)))
+
+    def test_done_cb_sends_the_next_goal_and_waits_for_it(self):
+        self.connect()
+
+        def again(state, result):
+            self.send("result:SUCCEEDED", 2)
+            self.assertTrue(self.client.wait_for_result(30))
+            self.done.append("waited")
+
+        self.send("result:ABORTED", 1, done_cb=again)
+        self.eventually(lambda: "waited" in self.done, "done_cb")
+        self.assertEqual([(SUCCEEDED, 2), "waited"], self.done)
+        self.expect(SUCCEEDED, 2)
+
+    def test_feedback_after_the_result_is_delivered(self):
+        self.connect()
+        self.send("ACTIVE result:SUCCEEDED 0.3 feedback")
+        self.expect(SUCCEEDED)
+        self.eventually(lambda: self.feedback, "feedback")
+
+    def test_feedback_is_delivered_though_its_callback_is_slow(self):
+        self.connect()
+        self.send("ACTIVE feedback feedback feedback result:SUCCEEDED",
+                  feedback_cb=lambda feedback: time.sleep(0.3) or self.feedback.append(feedback))
+        self.expect(SUCCEEDED)
+        self.eventually(lambda: len(self.feedback) == 3, "feedback three times")
+
+    def test_earlier_goal_cannot_spoil_the_next(self):
+        self.connect()
+        older = []
+        self.send("ACTIVE go feedback PREEMPTED result:PREEMPTED", 1, done_cb=lambda *_: older.append("done"),
+                  feedback_cb=lambda _: older.append("feedback"))
+        self.wait_state(ACTIVE)
+        self.send("ACTIVE go 0.2 result:SUCCEEDED", 2)
+        self.wait_state(ACTIVE)
+        self.go()
+        self.expect(SUCCEEDED, 2)
+        self.assertEqual(([(SUCCEEDED, 2)], [], []), (self.done, self.feedback, older))
+
+    def test_cancel_names_the_goal_and_after_its_end_is_not_sent(self):
+        self.connect()
+        self.send("ACTIVE cancel result:PREEMPTED", 3)
+        self.client.cancel_goal()
+        self.expect(PREEMPTED, 3)
+        self.client.cancel_goal()
+        self.send("cancel result:RECALLED")
+        self.client.cancel_goal()
+        self.expect(RECALLED)
+        self.assertEqual([goal.goal_id.id for goal in self.goals], [cancel.id for cancel in self.cancels])
+
+    def test_stop_tracking_goal_forgets_it_and_it_goes_on(self):
+        self.connect()
+        self.send("ACTIVE go feedback result:SUCCEEDED")
+        self.wait_state(ACTIVE)
+        self.client.stop_tracking_goal()
+        self.go()
+        self.assertFalse(self.client.wait_for_result(0.5))
+        self.assertEqual((LOST, None), (self.client.get_state(), self.client.get_result()))
+        self.assertEqual(([], [], []), (self.done, self.feedback, self.cancels))
+
+    # Waits
+
+    def test_wait_for_result_takes_seconds_and_durations(self):
+        self.connect()
+        self.send("ACTIVE go result:SUCCEEDED")
+        for timeout in 1, 0.5, rospy.Duration(0.5):
+            begun = time.monotonic()
+            self.assertFalse(self.client.wait_for_result(timeout))
+            self.assertGreater(time.monotonic() - begun, 0.45)
+        self.go()
+        for timeout in 0, 30, 30.0, rospy.Duration(), rospy.Duration(30):
+            self.assertTrue(self.client.wait_for_result(timeout))
+
+    def test_wait_for_result_without_a_goal_is_false_and_logged(self):
+        self.connect()
+        self.assertFalse(self.client.wait_for_result())
+        self.wait_log("wait_for_result")
+
+    def test_two_threads_wait_for_one_goal(self):
+        self.connect()
+        self.send("ACTIVE go result:SUCCEEDED")
+        waited = []
+        threads = [threading.Thread(target=lambda: waited.append(self.client.wait_for_result(30))) for _ in range(2)]
+        for thread in threads:
+            thread.start()
+        self.go()
+        for thread in threads:
+            thread.join(30)
+        self.assertEqual([True, True], waited)
+
+    def test_send_goal_and_wait_returns_the_state(self):
+        self.connect()
+        self.assertEqual(SUCCEEDED, self.client.send_goal_and_wait(script("result:SUCCEEDED"), 30, rospy.Duration(30)))
+
+    def test_send_goal_and_wait_cancels_after_execute_timeout(self):
+        self.connect()
+        goal = script("ACTIVE cancel result:PREEMPTED")
+        for timeout in 0.3, rospy.Duration(0.3):
+            self.assertEqual(PREEMPTED, self.client.send_goal_and_wait(goal, timeout, 30))
+        self.assertEqual(2, len(self.cancels))
+
+    def test_send_goal_and_wait_gives_up_after_preempt_timeout(self):
+        self.connect()
+        self.assertEqual(ACTIVE, self.client.send_goal_and_wait(script("ACTIVE"), 0.3, 0.3))
+
+    def test_wait_for_server_before_init_node_raises(self):
+        output = run(sys.executable, "-c", """if True:
+            from actions_tutorial import msg, robust
+            import rospy
+            try:
+                robust.SimpleActionClient("scripted", msg.WashTheDishesAction).wait_for_server(1)
+            except rospy.ROSInitException:
+                print("raised")""")
+        self.assertEqual("raised\n", output)
+
+    def test_wait_for_server_times_out_and_logs_every_5_s(self):
+        nobody, begun = robust.SimpleActionClient("nobody", TestRequestAction), time.monotonic()
+        for timeout in 0.3, rospy.Duration(0.3):
+            self.assertFalse(nobody.wait_for_server(timeout))
+        self.assertEqual([], self.log)
+        self.assertFalse(nobody.wait_for_server(5.5))
+        self.assertLess(time.monotonic() - begun, 12)
+        self.wait_log("waiting for the server of /nobody for 5 s")
+
+    def test_short_waits_for_server_find_it(self):
+        client = robust.SimpleActionClient("scripted", TestRequestAction)
+        self.eventually(lambda: client.wait_for_server(0.01), "a server found in 0.01 s")
+
+    # A lost server
+
+    def test_silence_of_heartbeat_timeout_is_lost_with_text(self):
+        self.connect(heartbeat_timeout=1)
+        self.send("ACTIVE silent")
+        self.expect(LOST)
+        self.assertEqual([(LOST, None)], self.done)
+        self.assertRegex(self.client.get_goal_status_text(), r"silent for [12]\.\d s \(heartbeat_timeout is 1 s\)")
+        self.eventually(lambda: self.cancels, "a cancel, in case the server is only asleep")
+        self.assertEqual([self.goals[0].goal_id.id], [cancel.id for cancel in self.cancels])
+
+    def test_silence_from_the_start_is_lost(self):
+        self.connect(heartbeat_timeout=1)
+        self.send("silent")
+        self.expect(LOST)
+
+    def test_status_of_other_goals_is_silence(self):
+        self.connect(heartbeat_timeout=1)
+        self.send("silent" + " others 0.2" * 10)
+        self.expect(LOST)
+
+    def test_late_result_of_a_lost_goal_changes_nothing(self):
+        self.connect(heartbeat_timeout=0.5)
+        self.send("ACTIVE silent cancel result:SUCCEEDED feedback")
+        self.expect(LOST)
+        self.eventually(lambda: self.feedback, "the last word of the script")
+        self.expect(LOST)
+        self.assertEqual([(LOST, None)], self.done)
+
+    def test_feedback_and_status_are_signs_of_life(self):
+        self.connect(heartbeat_timeout=2)
+        self.send("ACTIVE silent 1 feedback 1 feedback 1 ACTIVE 1 feedback 1 result:SUCCEEDED")
+        self.expect(SUCCEEDED)
+        self.assertEqual([], self.cancels)
+
+    def test_goal_after_a_lost_one_has_its_own_time(self):
+        self.connect(heartbeat_timeout=2)
+        self.send("silent")
+        self.expect(LOST)
+        self.send("silent 1 result:SUCCEEDED")
+        self.expect(SUCCEEDED)
+
+    def test_without_heartbeat_timeout_silence_is_waited_for(self):
+        self.connect()
+        self.send("ACTIVE silent 2.5 result:SUCCEEDED")
+        self.assertFalse(self.client.wait_for_result(2))
+        self.assertEqual(ACTIVE, self.client.get_state())
+        self.expect(SUCCEEDED)
+        self.assertEqual([], self.cancels)
+
+    def test_heartbeat_timeout_not_above_0_is_a_value_error(self):
+        for wrong in 0, -1, float("nan"):
+            with self.assertRaises(ValueError):
+                robust.SimpleActionClient("scripted", TestRequestAction, heartbeat_timeout=wrong)
+
+    def test_goal_no_longer_listed_is_lost_and_no_cancel_sent(self):
+        self.connect()
+        self.send("ACTIVE unlisted")
+        self.expect(LOST)
+        self.assertEqual("the server no longer knows the goal", self.client.get_goal_status_text())
+        self.assertEqual(([(LOST, None)], []), (self.done, self.cancels))
+
+    def test_goal_that_is_listed_again_soon_is_not_lost(self):
+        self.connect()
+        self.send("ACTIVE others unlisted 0.2 ACTIVE 1.5 result:SUCCEEDED")
+        self.expect(SUCCEEDED)
+
+    def test_goal_never_listed_stays_pending(self):
+        self.connect()
+        self.send("2 result:SUCCEEDED")
+        self.assertFalse(self.client.wait_for_result(1.5))
+        self.assertEqual(PENDING, self.client.get_state())
+        self.expect(SUCCEEDED)
+
+    # get_failure
+
+    def test_get_failure_of_a_goal_that_succeeded_is_none(self):
+        self.connect()
+        self.send("result:SUCCEEDED")
+        self.expect(SUCCEEDED)
+        self.assertIsNone(self.client.get_failure())
+
+    def test_get_failure_of_an_outcome_is_state_and_text(self):
+        self.connect()
+        for words, failure in (("result:ABORTED", "goal ABORTED: by script"),
+                               ("text: result:ABORTED", "goal ABORTED: the server gave no reason"),
+                               ("text:no_soap result:PREEMPTED", "goal PREEMPTED: no soap")):
+            self.send(words)
+            self.client.wait_for_result(30)
+            self.assertEqual(failure, self.client.get_failure())
+
+    def test_get_failure_without_outcome(self):
+        self.connect()
+        self.assertEqual("no goal was sent", self.client.get_failure())
+        self.send("go ACTIVE unlisted")
+        self.assertEqual("goal PENDING: no outcome so far", self.client.get_failure())
+        self.go()
+        self.expect(LOST)
+        self.assertEqual("goal LOST: the server no longer knows the goal", self.client.get_failure())
+
+    def test_get_failure_without_server(self):
+        nobody = robust.SimpleActionClient("nobody", TestRequestAction)
+        self.assertFalse(nobody.wait_for_server(0.2))
+        self.assertEqual("no server of /nobody within 0.2 s", nobody.get_failure())
+
+
+if __name__ == "__main__":
+    rostest.rosrun("actions_tutorial", "robust_client", TestRobustClient)

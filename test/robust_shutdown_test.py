@@ -1,0 +1,231 @@
+#!/usr/bin/env python3
+"""What robust does with goals when a program is told to end: servers end them, clients may cancel theirs.
+
+The servers are programs/shutdown_server.py, whose docstring says what each number of minutes does.
+"""
+import contextlib
+import signal
+import subprocess
+import time
+import unittest
+import xmlrpc.client
+
+import rosgraph
+import rospy
+import rostest
+
+from actions_tutorial import robust
+from harness import ABORTED, ACTIVE, PREEMPTED, PREEMPTING, RECALLED, SUCCEEDED, RawClient, bowls
+from scripted import Programs, ScriptedCase
+
+SHUTTING_DOWN = "the server is shutting down"
+
+
+class TestServer(unittest.TestCase):
+
+    @classmethod
+    def setUpClass(cls):
+        rospy.init_node("test")
+
+    def setUp(self):
+        self.namespace, self.programs = "/" + self.id().split(".")[-1], Programs()
+        self.addCleanup(self.programs.stop)
+
+    def start(self, *hook):
+        self.program = self.programs.program("shutdown_server", *hook, stdin=subprocess.PIPE,
+                                             ROS_NAMESPACE=self.namespace)
+        self.program.expect("ready")
+
+    def connect(self, name="first"):
+        """Returns a client of one of the three servers."""
+        client = RawClient(self.namespace + "/" + name)
+        self.addCleanup(client.close)
+        return client.wait_connected(self.program)
+
+    def send_active(self, client, minutes):
+        goal = client.send(minutes)
+        client.wait(lambda: ACTIVE in client.states.get(goal, []), "an active goal")
+        return goal
+
+    def interrupt(self):
+        self.program.signal(signal.SIGINT)
+
+    def rosnode_kill(self):
+        uri = rosgraph.Master(rospy.get_name()).lookupNode(self.namespace + "/shutdown_server")
+        with contextlib.suppress(OSError):  # the node may end before it answers
+            xmlrpc.client.ServerProxy(uri).shutdown(rospy.get_name(), "rosnode kill")
+
+    def expect(self, client, goal, state, text, count=0):
+        message = client.wait_result(goal)
+        self.assertEqual((state, text, bowls(count)),
+                         (message.status.status, message.status.text, message.result.dishes_washed), client)
+
+    def check_aborted(self, end):
+        self.start()
+        client = self.connect()
+        goal = self.send_active(client, 3)
+        end()
+        self.expect(client, goal, ABORTED, SHUTTING_DOWN, 3)
+        self.program.wait()
+        self.assertNotIn("ABORTED", self.program.stdout + self.program.stderr, "no line about goals during a shutdown")
+
+    def test_sigint_aborts_the_goal_with_its_result(self):
+        self.check_aborted(self.interrupt)
+
+    def test_rosnode_kill_aborts_the_goal_with_its_result(self):
+        self.check_aborted(self.rosnode_kill)
+
+    def test_end_of_main_thread_aborts_the_goal_with_its_result(self):
+        self.check_aborted(lambda: self.program.type("return\n"))
+
+    def test_signal_shutdown_aborts_the_goal_with_its_result(self):
+        self.check_aborted(lambda: self.program.type("signal_shutdown\n"))
+
+    def test_second_node_of_the_name_aborts_the_goal_and_lives(self):
+        self.start()
+        client, first = self.connect(), self.program
+        goal = self.send_active(client, 3)
+        self.start()
+        self.expect(client, goal, ABORTED, SHUTTING_DOWN, 3)
+        first.wait()
+        goal = self.send_active(client.wait_connected(self.program), 2)
+        self.assertTrue(self.program.running())
+        client.cancel(goal)
+        self.expect(client, goal, PREEMPTED, "cancelled", 2)
+
+    def test_is_preempt_requested_on_shutdown(self):
+        self.start()
+        client = self.connect()
+        goal = self.send_active(client, 300)
+        self.interrupt()
+        self.expect(client, goal, ABORTED, SHUTTING_DOWN)
+
+    def test_goal_that_a_client_had_cancelled_is_preempted(self):
+        self.start()
+        client = self.connect()
+        goal = self.send_active(client, 400)
+        client.cancel(goal)
+        client.wait(lambda: PREEMPTING in client.states[goal], "a goal that should stop")
+        self.interrupt()
+        self.expect(client, goal, PREEMPTED, "cancelled")
+
+    def test_own_text_is_appended(self):
+        self.start()
+        client = self.connect()
+        goal = self.send_active(client, 200)
+        self.interrupt()
+        self.expect(client, goal, ABORTED, SHUTTING_DOWN + ": rinsed")
+
+    def test_goal_that_does_not_stop_is_aborted_after_shutdown_timeout(self):
+        self.start()
+        client = self.connect()
+        goal = self.send_active(client, 100)
+        begun = time.monotonic()
+        self.interrupt()
+        self.expect(client, goal, ABORTED, SHUTTING_DOWN)
+        self.assertGreater(time.monotonic() - begun, 0.9)
+        self.program.wait(10)
+
+    def test_waiting_goal_is_recalled(self):
+        self.start()
+        client = self.connect()
+        first = self.send_active(client, 100)
+        waiting = client.send(1)
+        client.wait(lambda: waiting in client.states, "a goal that waits")
+        self.interrupt()
+        self.expect(client, waiting, RECALLED, SHUTTING_DOWN)
+        self.expect(client, first, ABORTED, SHUTTING_DOWN)
+
+    def test_two_servers_end_their_goals_at_once(self):
+        self.start()
+        client, other = self.connect(), self.connect("second")
+        goals = self.send_active(client, 100), self.send_active(other, 100)
+        begun = time.monotonic()
+        self.interrupt()
+        self.expect(client, goals[0], ABORTED, SHUTTING_DOWN)
+        self.expect(other, goals[1], ABORTED, SHUTTING_DOWN)
+        self.assertLess(time.monotonic() - begun, 2.9, "shutdown_timeout of one is 1 s, of the other 2 s")
+
+    def test_goal_of_a_goal_callback_is_aborted_with_its_result(self):
+        self.start()
+        client = self.connect("callbacks")
+        goal = self.send_active(client, 3)
+        self.interrupt()
+        self.expect(client, goal, ABORTED, SHUTTING_DOWN, 3)
+
+    def test_preempt_callback_is_called(self):
+        self.start()
+        client = self.connect("callbacks")
+        goal = self.send_active(client, 500)
+        begun = time.monotonic()
+        self.interrupt()
+        self.expect(client, goal, ABORTED, SHUTTING_DOWN)
+        self.assertLess(time.monotonic() - begun, 0.9, "shutdown_timeout is 1 s")
+
+    def test_hook_of_3_s_ends_and_delays_no_outcome(self):
+        self.start("3")
+        client = self.connect()
+        goal = self.send_active(client, 3)
+        self.interrupt()
+        self.expect(client, goal, ABORTED, SHUTTING_DOWN, 3)
+        self.assertNotIn("hook ended", self.program.stdout)
+        self.program.wait()
+        self.assertIn("hook ended", self.program.stdout)
+
+
+class TestClient(ScriptedCase):
+
+    library = robust
+
+    def start(self, words, *arguments):
+        """Start programs/shutdown_client.py and wait until its goal is active."""
+        program = self.programs.program("shutdown_client", words, *arguments)
+        program.expect("active")
+        return program
+
+    def test_cancel_on_shutdown_waits_for_the_outcome(self):
+        program = self.start("ACTIVE cancel result:PREEMPTED", "cancels")
+        program.signal(signal.SIGINT)
+        program.expect("^True PREEMPTED goal PREEMPTED: by script")
+        program.wait()
+
+    def test_cancel_on_shutdown_with_a_frozen_server_is_lost_after_1_s(self):
+        program = self.start("ACTIVE", "cancels")
+        self.server.signal(signal.SIGSTOP)
+        self.addCleanup(self.server.signal, signal.SIGCONT)
+        begun = time.monotonic()
+        program.signal(signal.SIGINT)
+        program.expect("^(True|False) LOST goal LOST: a cancel was sent")
+        self.assertGreater(time.monotonic() - begun, 0.9)
+        program.wait(10)
+
+    def test_cancel_on_shutdown_cancels_its_own_goal_only(self):
+        program = self.start("ACTIVE cancel result:PREEMPTED", "cancels")
+        self.connect()
+        self.send("ACTIVE go result:SUCCEEDED", 5)
+        program.signal(signal.SIGINT)
+        program.wait()
+        self.go()
+        self.expect(SUCCEEDED, 5)
+        self.assertEqual([self.goals[0].goal_id.id], [cancel.id for cancel in self.cancels])
+
+    def test_hook_of_3_s_ends_and_delays_no_cancel(self):
+        program = self.start("ACTIVE cancel result:PREEMPTED", "cancels", "3")
+        program.signal(signal.SIGINT)
+        self.eventually(lambda: self.cancels, "a cancel")
+        self.assertNotIn("hook ended", program.stdout)
+        program.wait()
+        self.assertIn("hook ended", program.stdout)
+
+    def test_by_default_the_goal_goes_on(self):
+        program = self.start("ACTIVE go result:SUCCEEDED", "default")
+        program.signal(signal.SIGINT)
+        program.expect("^False ACTIVE")
+        program.wait()
+        self.go()
+        self.eventually(lambda: self.results, "a result")
+        self.assertEqual([], self.cancels)
+
+
+if __name__ == "__main__":
+    rostest.rosrun("actions_tutorial", "robust_shutdown", "robust_shutdown_test")
