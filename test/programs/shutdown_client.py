@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Sends a goal, waits and prints its state and get_failure(): shutdown_client.py SCRIPT cancels|default [HOOK]
+"""Sends a goal, waits and prints its state and get_failure(): shutdown_client.py SCRIPT cancels|default|leaves [HOOK]
 
-SCRIPT: what the scripted server does. cancels: with cancel_on_shutdown. HOOK: s for which a function of
-rospy.on_shutdown takes.
+SCRIPT: what the scripted server does. cancels: with cancel_on_shutdown. leaves: ends when the goal is active. HOOK: s
+for which a function of rospy.on_shutdown takes.
 """
+import threading
 import time
 
 from actionlib.msg import TestRequestAction, TestRequestGoal
@@ -18,7 +19,12 @@ def main():
         rospy.on_shutdown(lambda: time.sleep(float(hook[0])) or print("hook ended", flush=True))
     client = robust.SimpleActionClient("scripted", TestRequestAction, cancel_on_shutdown=cancels == "cancels")
     client.wait_for_server()
-    client.send_goal(TestRequestGoal(result_text=script), active_cb=lambda: print("active", flush=True))
+    active = threading.Event()
+    client.send_goal(TestRequestGoal(result_text=script), active_cb=active.set)
+    active.wait()
+    print("active", flush=True)
+    if cancels == "leaves":
+        return
     over = client.wait_for_result()
     print(over, robust.client.STATE_NAMES[client.get_state()], client.get_failure(), flush=True)
 

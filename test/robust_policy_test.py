@@ -1,0 +1,104 @@
+#!/usr/bin/env python3
+"""What robust must not do: patch anything, lose lines of log, give up on a goal, send anything of its own accord."""
+import signal
+import time
+
+from actionlib.msg import TestRequestAction
+from actionlib_msgs.msg import GoalStatus
+import rospy
+import rostest
+
+from actions_tutorial import robust
+from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
+from harness import ACTIVE, SUCCEEDED
+from scripted import Programs, ScriptedCase, script
+
+
+class TestRobustPolicy(ScriptedCase):
+
+    library = robust
+
+    def program(self, *arguments, **env):
+        """Start a program that ends with the test. -> Process"""
+        programs = Programs()
+        self.addCleanup(programs.stop)
+        return programs.program(*arguments, **env)
+
+    def driver(self, kind):
+        """Start programs/driver.py. Returns the program (Process) and a client."""
+        program = self.program("driver", kind, ROS_NAMESPACE="/" + kind)
+        client = robust.SimpleActionClient(kind + "/driver", WashTheDishesAction)
+        self.assertTrue(client.wait_for_server(30))
+        return program, client
+
+    # The process
+
+    def test_import_and_use_patch_nothing(self):
+        program = self.program("patches_nothing")
+        self.assertEqual(0, program.wait())
+        changes = [line for line in program.stdout.splitlines() if "change" in line or line.startswith("import")]
+        self.assertEqual([], changes)
+        self.assertRegex(program.stdout, "(?m)^compared [0-9]{4,}$")
+
+    def test_every_line_of_log_arrives_and_exit_status_is_kept(self):
+        program = self.program("logs")
+        self.assertEqual(3, program.wait())
+        missing = [number for number in range(3000) if "line %d." % number not in program.stdout]
+        self.assertEqual([], missing)
+
+    def test_goal_goes_on_when_its_program_ends(self):
+        program = self.program("shutdown_client", "ACTIVE go result:SUCCEEDED", "leaves")
+        self.assertEqual(0, program.wait())
+        self.go()
+        self.eventually(lambda: self.results, "a result")
+        self.assertEqual([], self.cancels)
+
+    # The goal
+
+    def test_server_frozen_for_8_s_is_waited_for(self):
+        self.connect()
+        self.send("ACTIVE go result:SUCCEEDED")
+        self.wait_state(ACTIVE)
+        self.server.signal(signal.SIGSTOP)
+        try:
+            self.assertFalse(self.client.wait_for_result(8))
+        finally:
+            self.server.signal(signal.SIGCONT)
+        self.assertEqual(ACTIVE, self.client.get_state())
+        self.go()
+        self.expect(SUCCEEDED)
+        self.assertEqual(([], 1), (self.cancels, len(self.goals)))
+
+    def test_server_busy_for_10_s_in_its_goal_callback_is_not_lost(self):
+        _, client = self.driver("busy")
+        self.assertEqual(SUCCEEDED, client.send_goal_and_wait(WashTheDishesGoal(10), 30, 1), client.get_failure())
+
+    def test_loop_of_waits_ends_when_the_server_was_restarted(self):
+        server = self.program("scripted_server", ROS_NAMESPACE="/restarted")
+        client = robust.SimpleActionClient("restarted/scripted", TestRequestAction)
+        self.assertTrue(client.wait_for_server(30))
+        client.send_goal(script("ACTIVE"))
+        self.eventually(lambda: client.get_state() == ACTIVE, "an active goal")
+        server.stop()
+        self.program("scripted_server", ROS_NAMESPACE="/restarted")
+        begun, cpu = time.monotonic(), time.process_time()
+        while not client.wait_for_result(rospy.Duration(1)):
+            self.assertLess(time.monotonic() - begun, 30)
+        self.assertLess(time.process_time() - cpu, 1)
+        self.assertEqual(GoalStatus.LOST, client.get_state())
+        self.assertTrue(client.wait_for_result(rospy.Duration(1)))
+
+    def test_driver_that_crashes_and_is_respawned_executes_once(self):
+        driver, client = self.driver("crashes")
+        client.send_goal(WashTheDishesGoal(1))
+        self.assertEqual(1, driver.wait())
+        self.assertIn("executes", driver.stdout)
+        respawned = self.program("driver", "crashes", ROS_NAMESPACE="/crashes")
+        respawned.expect("ready")
+        client.wait_for_result(5)
+        self.assertTrue(respawned.running())
+        self.assertNotIn("executes", respawned.stdout)
+
+
+if __name__ == "__main__":
+    rostest.rosrun("actions_tutorial", "robust_policy", TestRobustPolicy)
