@@ -1,11 +1,10 @@
-"""Types the tutorial: walks each page from top to bottom, in real terminals, and compares what comes with what the page
-shows.
+"""Types each page from top to bottom, in real terminals, and compares the output with what the page shows.
 
-In a ```console block, `# Terminal N` names the terminal of what follows; `# By hand` marks the little that is not run.
-`$ ` begins a command, `^C` is Ctrl-C, TAB and BACKSPACE are keys; the other lines are output, in which … stands for
-anything within a line and, alone on a line, for any lines. Output that the page does not show is a difference, too.
-A block of another kind below "Save this … `~/FILE`:" is saved; below "Change … `~/FILE`:" it is a diff, with … between
-two places. Each page has a home and a master of its own, and begins with a bare shell in each terminal.
+In a ```console block, `# Terminal N` names the terminal of what follows; lines below `# By hand` are not typed. `$ `
+begins a command, `^C` is Ctrl-C, TAB and BACKSPACE are keys. The other lines are output, in which … stands for anything
+within a line and, alone on a line, for any lines. Output that the page does not show is a difference, too. A block of
+another kind below "Save this … `~/FILE`:" is saved; below "Change … `~/FILE`:" it is a diff, with … between two places.
+Folded solutions (<details>) are typed like everything else. Each page has a home and a master of its own.
 """
 import contextlib
 import difflib
@@ -22,10 +21,10 @@ from conftest import ROOT
 from pages_test import EDIT, PAGES, blocks_of
 from harness import bound_socket
 
-LIMIT = 300  # s to wait for what the page shows, many times what it takes; Debian 11 builds GMock, too
+LIMIT = 300  # s to wait for what the page shows, many times what it takes
 PROMPT = "README> "
-# Colours, titles and bells; and what is not the page's: what Debian 11's ROS, which is older than its Python, says
-# whenever it ends; what rospy's tools say when a peer connects twice, now and then.
+# Colours, titles and bells; and what the page does not show: the traceback of Debian 11's rospy at exit, a warning that
+# rospy's tools print when a peer connects twice, and the first words of the prompt of ./tutorial shell.
 NOISE = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]|\x1b\][^\x07]*\x07|\x07|\r(?=\n)"
                    r"|(Error in atexit._run_exitfuncs:\r?\n)?Traceback .*\n(  .*\n)+AttributeError: .* 'isAlive'\r?\n"
                    r"|\[WARN\] .*: Inbound TCP/IP connection failed: .*\n|\(actions_tutorial\) (?=%s)" % PROMPT)
@@ -33,8 +32,8 @@ KEYS = {"TAB": "\t", "BACKSPACE": "\x7f"}
 
 
 def steps_of(page):
-    """Returns what a reader of the page (str) does: edits (how, file, text); and steps with a terminal (str), what is
-    typed there (str, "" to look only), and the lines (list of str) shown below it."""
+    """Returns what a reader of the page (str) does: edits (how, file, text), and steps with terminal (str), line number,
+    what is typed (str, "" to look only), and the lines (list of str) shown below it."""
     steps = []
     for first, language, above, text in blocks_of(page):
         edit, terminals = EDIT.search(above), None
@@ -72,8 +71,8 @@ def pattern_of(line):
 
 
 class Terminal:
-    """A real terminal with a shell in it, one of all (dict): they are read together, lest one fills up while we look at
-    another."""
+    """A real terminal with a shell in it. everyone: all terminals (dict); they are read together, so that none blocks
+    because its output is not read."""
 
     def __init__(self, everyone, environment):
         # Dumb and wide: readline then shows a command on one line, whatever its length.
@@ -90,7 +89,7 @@ class Terminal:
         return happened()
 
     def read(self):
-        """Take what is there; a prompt is on a line of its own, also after output that does not end with one."""
+        """Read what is there; a prompt is on a line of its own, also after output that does not end with one."""
         try:
             self.text += "" if self.shell.closed else self.shell.read_nonblocking(65536, timeout=0.02)
         except pexpect.EOF:
@@ -149,7 +148,7 @@ class Terminal:
             step.number, step.terminal, LIMIT, "\n  ".join(difference)))
 
     def close(self):
-        """End what runs here."""
+        """Stop what runs here."""
         for keys in ("\x03", "exit\n", "exit\n"):
             if not self.shell.closed:
                 self.text = ""
@@ -159,10 +158,9 @@ class Terminal:
 
 
 def make_home(home, port):
-    """Write what a user's shell reads. Returns the environment of a terminal: the user's own, without ROS. port: the
-    master's."""
+    """Write what a user's shell reads. Returns the environment of a terminal, which has no ROS. port: the master's."""
     with open(os.path.join(home, ".bashrc"), "w", encoding="utf-8") as bashrc:
-        # The page says roscore, which takes the usual port; here it must not, because someone may be using it.
+        # The page's roscore uses the usual port, which somebody may be using.
         bashrc.write("PS1=%r; bind 'set enable-bracketed-paste off'; roscore() { command roscore -p %d \"$@\"; }\n"
                      "for setup in /opt/ros/{noetic,one}/setup.bash; do [[ ! -f $setup ]] || source $setup; done\n"
                      "export ROS_MASTER_URI=http://localhost:%d ROS_HOSTNAME=localhost\n" % (PROMPT, port, port))
@@ -177,7 +175,7 @@ def make_home(home, port):
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_what_comes_is_what_the_page_shows(page, tmp_path):
+def test_typed_page(page, tmp_path):
     terminals, steps = {}, steps_of(page)
     with contextlib.ExitStack() as stack:
         stack.callback(shutil.rmtree, str(tmp_path))
