@@ -25,11 +25,11 @@ LIMIT = 300  # s to wait for what the page shows, many times what it takes
 PROMPT = "README> "
 # Colours, titles and bells; and what the page does not show: the traceback of Debian 11's rospy at exit, a warning that
 # rospy's tools print when a peer connects twice, an error that actionlib's client prints when an answer comes before
-# send_goal has returned (ros/actionlib #206), and the first words of the prompt of ./tutorial shell.
+# send_goal has returned (ros/actionlib #206), and of ./tutorial shell, that it waits, and the first words of its prompt.
 NOISE = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]|\x1b\][^\x07]*\x07|\x07|\r(?=\n)"
                    r"|(Error in atexit._run_exitfuncs:\r?\n)?Traceback .*\n(  .*\n)+AttributeError: .* 'isAlive'\r?\n"
                    r"|\[WARN\] .*: Inbound TCP/IP connection failed: .*\n|\[ERROR\] .*: Got a transition callback on .*\n"
-                   r"|\(actions_tutorial\) (?=%s)" % PROMPT)
+                   r"|waiting for another \./tutorial …\r?\n|\(actions_tutorial\) (?=%s)" % PROMPT)
 KEYS = {"TAB": "\t", "BACKSPACE": "\x7f"}
 
 
