@@ -25,17 +25,18 @@ LIMIT = 300  # s to wait for what the page shows, many times what it takes
 PROMPT = "README> "
 # Colours, titles and bells; and what the page does not show: the traceback of Debian 11's rospy at exit, a warning that
 # rospy's tools print when a peer connects twice, an error that actionlib's client prints when an answer comes before
-# send_goal has returned (ros/actionlib #206), and of ./tutorial shell, that it waits, and the first words of its prompt.
+# send_goal has returned (ros/actionlib #206); and of ./tutorial shell, that it waits, and how its prompt begins.
 NOISE = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]|\x1b\][^\x07]*\x07|\x07|\r(?=\n)"
                    r"|(Error in atexit._run_exitfuncs:\r?\n)?Traceback .*\n(  .*\n)+AttributeError: .* 'isAlive'\r?\n"
-                   r"|\[WARN\] .*: Inbound TCP/IP connection failed: .*\n|\[ERROR\] .*: Got a transition callback on .*\n"
+                   r"|\[WARN\] .*: Inbound TCP/IP connection failed: .*\n"
+                   r"|\[ERROR\] .*: Got a transition callback on .*\n"
                    r"|waiting for another \./tutorial …\r?\n|\(actions_tutorial\) (?=%s)" % PROMPT)
 KEYS = {"TAB": "\t", "BACKSPACE": "\x7f"}
 
 
 def steps_of(page):
-    """Returns what a reader of the page (str) does: edits (how, file, text), and steps with terminal (str), line number,
-    what is typed (str, "" to look only), and the lines (list of str) shown below it."""
+    """Returns what a reader of the page (str) does: edits (how, file, text), and steps with terminal (str), number of
+    the line, what is typed (str, "" to look only), and the lines (list of str) shown below it."""
     steps = []
     for first, language, above, text in blocks_of(page):
         edit, terminals = EDIT.search(above), None
