@@ -366,6 +366,7 @@ class _ActionServer(actionlib.ActionServer):
                 self.result_pub.publish(message)
         finally:
             if locked:
+                self.publish_status()
                 self.lock.release()
 
 
