@@ -77,12 +77,12 @@ class TestRobustServer(unittest.TestCase):
 
     # Start
 
-    def test_20_empty_goals_take_less_than_2_s(self):
+    def test_40_empty_goals_take_less_than_3_s(self):
         self.serve(self.work)
         begun = time.monotonic()
-        for _ in range(20):
+        for _ in range(40):
             self.expect(self.client.send(0), SUCCEEDED)
-        self.assertLess(time.monotonic() - begun, 2)
+        self.assertLess(time.monotonic() - begun, 3, "actionlib waits 0.1 s between two goals")
 
     def test_burst_of_300_goals_gives_300_outcomes(self):
         self.serve(self.work)
