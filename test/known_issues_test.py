@@ -40,7 +40,7 @@ class TestKnownIssues(ScriptedCase):
             if simulated:
                 rospy.delete_param("/use_sim_time")
         self.assertEqual(status, program.wait(25), program)
-        return program.stdout.splitlines()[-1]
+        return [line for line in program.stdout.splitlines() if not line.startswith("[INFO]")][-1]
 
     def serve(self, name, execute_cb=None, goal_cb=None):
         """Start a server here, and connect self.raw. Without a callback: the goal SUCCEEDS at once."""

@@ -170,7 +170,7 @@ class TestServer(unittest.TestCase):
         self.expect(client, goal, ABORTED, SHUTTING_DOWN, 3)
         self.assertNotIn("hook ended", self.program.stdout)
         self.program.wait()
-        self.assertIn("hook ended", self.program.stdout)
+        self.assertIn("hook ended", self.program.stdout, self.program)
 
 
 class TestClient(ScriptedCase):
@@ -215,7 +215,7 @@ class TestClient(ScriptedCase):
         self.eventually(lambda: self.cancels, "a cancel")
         self.assertNotIn("hook ended", program.stdout)
         program.wait()
-        self.assertIn("hook ended", program.stdout)
+        self.assertIn("hook ended", program.stdout, program)
 
     def test_by_default_the_goal_goes_on(self):
         program = self.start("ACTIVE go result:SUCCEEDED", "default")

@@ -7,7 +7,7 @@ from actionlib.msg import TestRequestAction, TestRequestActionGoal, TestRequestA
 from actionlib_msgs.msg import GoalID
 from rosgraph_msgs.msg import Log
 import rospy
-from std_msgs.msg import Empty
+from std_msgs.msg import String
 
 from harness import Group, eventually
 
@@ -40,7 +40,7 @@ class ScriptedCase(unittest.TestCase):
     def setUpClass(cls):
         rospy.init_node("test")
         cls.goals, cls.cancels, cls.results, cls.log, cls.programs = [], [], [], [], Programs()
-        cls.go_pub = rospy.Publisher("scripted/go", Empty, queue_size=10)
+        cls.go_pub = rospy.Publisher("scripted/go", String, queue_size=10)
         rospy.Subscriber("scripted/goal", TestRequestActionGoal, cls.goals.append)
         rospy.Subscriber("scripted/cancel", GoalID, cls.cancels.append)
         rospy.Subscriber("scripted/result", TestRequestActionResult, cls.results.append)
@@ -67,6 +67,7 @@ class ScriptedCase(unittest.TestCase):
     def setUp(self):
         for record in self.goals, self.cancels, self.results, self.log:
             record.clear()
+        self.sent = 0  # goals, by send()
         self.done, self.active, self.feedback = [], [], []  # what connect()'s client told the callbacks of send()
 
     def connect(self, **options):
@@ -76,13 +77,16 @@ class ScriptedCase(unittest.TestCase):
 
     def send(self, words, the_result=0, **callbacks):
         """Send a goal with self.client. What its callbacks get is in done [(state, the_result)], active, feedback."""
+        self.sent += 1
         self.client.send_goal(script(words, the_result), **dict(dict(
             done_cb=lambda state, result: self.done.append((state, result and result.the_result)),
             active_cb=lambda: self.active.append(True), feedback_cb=self.feedback.append), **callbacks))
 
     def go(self):
-        """Let a script go on after its word go."""
-        self.go_pub.publish()
+        """Let the scripts of all goals so far go on after their word go."""
+        self.eventually(lambda: len(self.goals) >= max(1, self.sent), "the goals")
+        for goal in list(self.goals):
+            self.go_pub.publish(goal.goal_id.id)
 
     def eventually(self, condition, what):
         eventually(condition, what, self.server)

@@ -113,7 +113,7 @@ def clock_begins_while_waiting_for_result():
 def goal_in_a_moment_of_simulated_time():
     SimulatedClock()
     client = library.SimpleActionClient("scripted", TestRequestAction)
-    client.wait_for_server()
+    eventually(lambda: client.action_client.pub_goal.get_num_connections() == 2, "the server and the test")
     client.send_goal(TestRequestGoal())
     time.sleep(0.5)
     print("sent")

@@ -13,7 +13,7 @@ result_text of a goal is its script: words that are carried out one after the ot
 | unlisted | lists the goal no longer |
 | silent, beat | publishes no status of its own accord, or again ten times a second (as at the start) |
 | cancel | waits until a cancel of the goal comes |
-| go | waits for a message on the topic scripted/go |
+| go | waits for a message on the topic scripted/go that names the goal |
 | text:no_soap | gives what follows another text, with a line break for each _ |
 | 0.5 | sleeps so many seconds |
 """
@@ -23,7 +23,7 @@ import time
 from actionlib.msg import TestRequestActionFeedback, TestRequestActionGoal, TestRequestActionResult
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 import rospy
-from std_msgs.msg import Empty
+from std_msgs.msg import String
 
 RUNNING = GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING
 
@@ -31,14 +31,14 @@ RUNNING = GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStat
 class ScriptedServer:
 
     def __init__(self, name="scripted"):
-        self.listed, self.cancelled, self.went, self.beats = {}, set(), 0, True  # listed: {id: GoalStatus}
+        self.listed, self.cancelled, self.went, self.beats = {}, set(), [], True  # listed: {id: GoalStatus}
         self.news = threading.Condition()
         self.status_pub = rospy.Publisher(name + "/status", GoalStatusArray, queue_size=1000, latch=True)
         self.result_pub = rospy.Publisher(name + "/result", TestRequestActionResult, queue_size=1000)
         self.feedback_pub = rospy.Publisher(name + "/feedback", TestRequestActionFeedback, queue_size=1000)
         rospy.Subscriber(name + "/goal", TestRequestActionGoal, self.on_goal)
         rospy.Subscriber(name + "/cancel", GoalID, self.on_cancel)
-        rospy.Subscriber(name + "/go", Empty, self.on_go)
+        rospy.Subscriber(name + "/go", String, self.on_go)
         self.publish_status()
         rospy.Timer(rospy.Duration(0.1), lambda _: self.beats and self.publish_status())
 
@@ -46,16 +46,16 @@ class ScriptedServer:
         with self.news:
             self.beats = True  # whatever the goal before has left
             self.listed = {one: status for one, status in self.listed.items() if status.status in RUNNING}
-        threading.Thread(target=self.run, args=[goal, self.went], daemon=True).start()
+        threading.Thread(target=self.run, args=[goal], daemon=True).start()
 
     def on_cancel(self, goal_id):
         with self.news:
             self.cancelled.add(goal_id.id)
             self.news.notify_all()
 
-    def on_go(self, _):
+    def on_go(self, message):
         with self.news:
-            self.went += 1
+            self.went.append(message.data)
             self.news.notify_all()
 
     def publish_status(self, *statuses):
@@ -64,9 +64,9 @@ class ScriptedServer:
             message.header.stamp = rospy.Time.now()
             self.status_pub.publish(message)
 
-    def run(self, message, went):
-        """Carry out a goal's script. went: how many messages had come on scripted/go when the goal came."""
-        goal_id, text = message.goal_id, "by script"
+    def run(self, message):
+        """Carry out a goal's script."""
+        goal_id, text, goes = message.goal_id, "by script", 0
         for word in message.goal.result_text.split():
             kind, _, state = word.rpartition(":")
             if word == "feedback":
@@ -80,9 +80,10 @@ class ScriptedServer:
             elif word in ("silent", "beat"):
                 self.beats = word == "beat"
             elif word in ("cancel", "go"):
+                goes += word == "go"
                 with self.news:
-                    self.news.wait_for(lambda: goal_id.id in self.cancelled if word == "cancel" else self.went > went)
-                    went += word == "go"
+                    self.news.wait_for(lambda: goal_id.id in self.cancelled if word == "cancel" else
+                                       self.went.count(goal_id.id) >= goes)
             elif kind == "text":
                 text = state.replace("_", "\n")
             elif state.isupper():

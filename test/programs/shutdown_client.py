@@ -4,6 +4,7 @@
 SCRIPT: what the scripted server does. cancels: with cancel_on_shutdown. leaves: ends when the goal is active. HOOK: s
 for which a function of rospy.on_shutdown takes.
 """
+import os
 import threading
 import time
 
@@ -16,9 +17,12 @@ def main():
     script, cancels, *hook = rospy.myargv()[1:]
     rospy.init_node("shutdown_client", anonymous=True)
     if hook:
-        rospy.on_shutdown(lambda: time.sleep(float(hook[0])) or print("hook ended", flush=True))
+        rospy.on_shutdown(lambda: time.sleep(float(hook[0])) or os.write(1, b"hook ended\n"))
     client = robust.SimpleActionClient("scripted", TestRequestAction, cancel_on_shutdown=cancels == "cancels")
     client.wait_for_server()
+    topics = client.action_client.pub_goal, client.action_client.pub_cancel
+    while any(topic.get_num_connections() < 2 for topic in topics):  # the server and the test
+        time.sleep(0.01)
     active = threading.Event()
     client.send_goal(TestRequestGoal(result_text=script), active_cb=active.set)
     active.wait()

@@ -12,6 +12,7 @@ A goal of n minutes stops when asked to, with n bowls. Others:
 * 400: it was asked to stop by a client, and does so only during the shutdown.
 * 500: it stops when the preempt callback is called.
 """
+import os
 import sys
 import threading
 import time
@@ -58,7 +59,7 @@ def serve_callbacks():
 def hook():
     shutdown.set()
     time.sleep(float(rospy.myargv()[1]) if rospy.myargv()[1:] else 0)
-    print("hook ended", flush=True)
+    os.write(1, b"hook ended\n")  # the main thread, which this may interrupt, may be in print()
 
 
 def read_stdin():
