@@ -238,10 +238,6 @@ class TestRobustClient(ScriptedCase):
         self.assertLess(time.monotonic() - begun, 12)
         self.wait_log("waiting for the server of /nobody for 5 s")
 
-    def test_short_waits_for_server_find_it(self):
-        client = robust.SimpleActionClient("scripted", TestRequestAction)
-        self.eventually(lambda: client.wait_for_server(0.01), "a server found in 0.01 s")
-
     # A lost server
 
     def test_silence_of_heartbeat_timeout_is_lost_with_text(self):
