@@ -89,10 +89,11 @@ class TestGoal(unittest.TestCase):
         self.assertLessEqual(len(result.result.dishes_washed), 1)
 
     def test_goal_cancelled_before_it_comes_is_recalled(self):
-        self.raw.cancel("early")
-        self.raw.wait(lambda: "early" in self.raw.states, "the cancel has come")
-        self.raw.send(1, goal_id="early")
-        self.raw.check_outcome("early", RECALLED, [])
+        goal_id = self.raw.new_id()
+        self.raw.cancel(goal_id)
+        self.raw.wait(lambda: goal_id in self.raw.states, "the cancel has come")
+        self.raw.send(1, goal_id)
+        self.raw.check_outcome(goal_id, RECALLED, [])
 
     def test_goal_that_comes_twice_is_washed_once(self):
         goal_id = self.raw.send(1)

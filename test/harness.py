@@ -15,6 +15,7 @@ import subprocess
 import tempfile
 import threading
 import time
+import uuid
 import xmlrpc.client
 
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
@@ -303,11 +304,15 @@ class RawClient:
         eventually(self.connected, "a server of %s, connected both ways" % self.action, self, *processes)
         return self
 
+    def new_id(self):
+        """Returns an id that no goal has, not even one of an earlier test that the server still knows."""
+        return "%s-%d-%s" % (rospy.get_name(), next(self._numbers), uuid.uuid4().hex[:8])
+
     def send(self, number_of_minutes, goal_id=None, stamp=None):
         """Send a goal (int; stamp: rospy.Time, by default now). Returns its id (str)."""
         goal = self._goal()
         goal.goal.number_of_minutes = number_of_minutes
-        goal.goal_id.id = "%s-%d" % (rospy.get_name(), next(self._numbers)) if goal_id is None else goal_id
+        goal.goal_id.id = self.new_id() if goal_id is None else goal_id
         goal.goal_id.stamp = rospy.Time.now() if stamp is None else stamp
         self.times[goal.goal_id.id, "sent"] = time.monotonic()
         self.publishers["goal"].publish(goal)
