@@ -393,18 +393,18 @@ class SimulatedClock:
         self._here, self._news = None, threading.Condition()
         self._publisher = rospy.Publisher("/clock", Clock, queue_size=100, latch=True)
         self._subscriber = rospy.Subscriber("/clock", Clock, self._follow)  # called after rospy's own, which came first
-        self.set(rospy.Time(1000))
+        self.set(rospy.Time(int(time.time() % 1e6) * 1000))  # later than the clock of an earlier test
 
     def _follow(self, message):
         with self._news:
             self._here = message.clock
             self._news.notify_all()
 
-    def set(self, time):
-        """Set the clock to time (rospy.Time): in this process at once, in other nodes soon."""
-        self.now = time
-        self._publisher.publish(time)
-        eventually(lambda: self._here == time, "a /clock that comes back", news=self._news)
+    def set(self, now):
+        """Set the clock to now (rospy.Time): in this process at once, in other nodes soon."""
+        self.now = now
+        self._publisher.publish(now)
+        eventually(lambda: self._here == now, "a /clock that comes back", news=self._news)
 
     def turn(self, seconds, client=None):
         """Turn the clock on by seconds. client: a RawClient, to wait for the server's next status (0.25 s or more)."""
