@@ -332,9 +332,8 @@ class TestRobustClient(ScriptedCase):
     def test_get_failure_without_outcome(self):
         self.connect()
         self.assertEqual("no goal was sent", self.client.get_failure())
-        self.send("go ACTIVE unlisted")
+        self.send("0.5 ACTIVE unlisted")
         self.assertEqual("goal PENDING: no outcome so far", self.client.get_failure())
-        self.go()
         self.expect(LOST)
         self.assertEqual("goal LOST: the server no longer knows the goal", self.client.get_failure())
 

@@ -31,7 +31,8 @@ class Programs(Group):
 
 
 class ScriptedCase(unittest.TestCase):
-    """goals, cancels, results: the messages on these topics of the action; log: lines of this node (Log)."""
+    """goals, cancels, results: the messages on these topics of the action, cancels of the goals of this test only, as one
+    of the test before may come late; log: lines of this node (Log)."""
 
     library = None  # the module whose SimpleActionClient is tried
     patience = 30  # s for the outcome of a goal
@@ -39,10 +40,10 @@ class ScriptedCase(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         rospy.init_node("test")
-        cls.goals, cls.cancels, cls.results, cls.log, cls.programs = [], [], [], [], Programs()
+        cls.goals, cls.all_cancels, cls.results, cls.log, cls.programs = [], [], [], [], Programs()
         cls.go_pub = rospy.Publisher("scripted/go", String, queue_size=10)
         rospy.Subscriber("scripted/goal", TestRequestActionGoal, cls.goals.append)
-        rospy.Subscriber("scripted/cancel", GoalID, cls.cancels.append)
+        rospy.Subscriber("scripted/cancel", GoalID, cls.all_cancels.append)
         rospy.Subscriber("scripted/result", TestRequestActionResult, cls.results.append)
         rospy.Subscriber("/rosout", Log, lambda line: cls.log.append(line) if line.name == rospy.get_name() else None)
         cls.server = cls.programs.program("scripted_server")
@@ -57,7 +58,7 @@ class ScriptedCase(unittest.TestCase):
 
         cls.first.wait_for_server()
         eventually(is_connected, "messages that go both ways", cls.server)
-        eventually(lambda: cls.go_pub.get_num_connections() and cls.goals and cls.cancels and cls.results,
+        eventually(lambda: cls.go_pub.get_num_connections() and cls.goals and cls.all_cancels and cls.results,
                    "all topics", cls.server)
 
     @classmethod
@@ -65,10 +66,15 @@ class ScriptedCase(unittest.TestCase):
         cls.programs.stop()
 
     def setUp(self):
-        for record in self.goals, self.cancels, self.results, self.log:
+        for record in self.goals, self.all_cancels, self.results, self.log:
             record.clear()
         self.sent = 0  # goals, by send()
         self.done, self.active, self.feedback = [], [], []  # what connect()'s client told the callbacks of send()
+
+    @property
+    def cancels(self):
+        ids = {goal.goal_id.id for goal in self.goals}
+        return [cancel for cancel in self.all_cancels if cancel.id in ids]
 
     def connect(self, **options):
         """Make self.client with these keyword arguments."""
