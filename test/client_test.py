@@ -96,9 +96,8 @@ class ClientTests:
         client.expect("bowl-2")
         newer = self.client("0", "__name:=newer")
         self.assertEqual((1, 0), (client.wait(), newer.wait()), client)
-        feedback, result = printed_bowls(client)
-        self.assertGreaterEqual(len(result), 3)
-        self.assertEqual(feedback, result, client)
+        _, result = printed_bowls(client)
+        self.assertEqual(bowls(max(3, len(result))), result, client)
         self.assertIn("PREEMPTED: a newer goal came", client.stderr, client)
 
     def test_client_waits_for_its_server(self):
