@@ -229,14 +229,12 @@ class TestRobustClient(ScriptedCase):
                 print("raised")""")
         self.assertEqual("raised\n", output)
 
-    def test_wait_for_server_times_out_and_logs_every_5_s(self):
+    def test_wait_for_server_takes_seconds_and_durations(self):
         nobody, begun = robust.SimpleActionClient("nobody", TestRequestAction), time.monotonic()
         for timeout in 0.3, rospy.Duration(0.3):
             self.assertFalse(nobody.wait_for_server(timeout))
-        self.assertEqual([], self.log)
-        self.assertFalse(nobody.wait_for_server(5.5))
-        self.assertLess(time.monotonic() - begun, 12)
-        self.wait_log("waiting for the server of /nobody for 5 s")
+        self.assertGreater(time.monotonic() - begun, 0.6)
+        self.assertLess(time.monotonic() - begun, 5)
 
     # A lost server
 
