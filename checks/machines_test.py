@@ -6,7 +6,7 @@ import subprocess
 import pytest
 
 from conftest import ROOT, Machine
-from processes import bowls, printed_bowls
+from harness import bowls, printed_bowls
 
 pytestmark = pytest.mark.needs("root", "debootstrap", "ip", "nsenter")
 

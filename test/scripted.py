@@ -31,8 +31,8 @@ class Programs(Group):
 
 
 class ScriptedCase(unittest.TestCase):
-    """goals, cancels, results: the messages on these topics of the action, without late cancels of the test before; log:
-    lines of this node (Log)."""
+    """goals, cancels, results: the messages on these topics of the action, without late cancels of an older test; log:
+    lines of this node's log (Log)."""
 
     library = None  # the module whose SimpleActionClient is tried
     patience = 30  # s for the outcome of a goal
