@@ -337,8 +337,8 @@ class TestKnownIssues(ScriptedCase):
     def test_own_same_id_in_a_moment_of_simulated_time(self):
         for _ in range(2):
             self.assertEqual("sent", self.finding("goal_in_a_moment_of_simulated_time"))
-        self.eventually(lambda: len(self.goals) == 2, "two goals")
-        self.assertNotEqual(self.goals[0].goal_id.id, self.goals[1].goal_id.id)
+        self.eventually(lambda: len(self.results) == 2, "two results")
+        self.assertNotEqual(self.results[0].status.goal_id.id, self.results[1].status.goal_id.id)
 
     def test_actionlib_48_stopped_servers_and_clients_leave_nothing(self):
         self.assertEqual("nothing left", self.finding("stopped_servers_and_clients", simulated=False))

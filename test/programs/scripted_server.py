@@ -6,7 +6,8 @@ result_text of a goal is its script: words that are carried out one after the ot
 | word | what the node does |
 | --- | --- |
 | ACTIVE, PREEMPTING … (a state) | publishes a status that lists the goal so |
-| result:SUCCEEDED … (a state) | publishes a result: that state, the_result of the goal, the text "by script" |
+| result:SUCCEEDED … (a state) | publishes a result: that state, the_result of the goal |
+| | Its text is "by script", or "cancelled" if a cancel of the goal has come |
 | status:SUCCEEDED … (a state) | publishes a status of an earlier moment, without keeping the state |
 | feedback | publishes feedback |
 | others | publishes a status that lists another goal only |
@@ -89,6 +90,7 @@ class ScriptedServer:
             elif state.isupper():
                 status = GoalStatus(goal_id=goal_id, status=getattr(GoalStatus, state), text=text)
                 if kind == "result":
+                    status.text = "cancelled" if goal_id.id in self.cancelled else text
                     result = TestRequestActionResult(status=status)
                     result.result.the_result = message.goal.the_result
                     self.result_pub.publish(result)
