@@ -8,11 +8,10 @@ result_text of a goal is its script: words that are carried out one after the ot
 | ACTIVE, PREEMPTING … (a state) | publishes a status that lists the goal so |
 | result:SUCCEEDED … (a state) | publishes a result: that state, the_result of the goal |
 | | Its text is "by script", or "cancelled" if a cancel of the goal has come |
-| status:SUCCEEDED … (a state) | publishes a status of an earlier moment, without keeping the state |
 | feedback | publishes feedback |
 | others | publishes a status that lists another goal only |
 | unlisted | lists the goal no longer |
-| silent, beat | publishes no status of its own accord, or again ten times a second (as at the start) |
+| silent | publishes no status of its own accord, which it does ten times a second, until the next goal |
 | cancel | waits until a cancel of the goal comes |
 | go | waits for a message on the topic scripted/go that names the goal |
 | text:no_soap | gives what follows another text, with a line break for each _ |
@@ -78,8 +77,8 @@ class ScriptedServer:
             elif word == "unlisted":
                 self.listed.pop(goal_id.id, None)
                 self.publish_status()
-            elif word in ("silent", "beat"):
-                self.beats = word == "beat"
+            elif word == "silent":
+                self.beats = False
             elif word in ("cancel", "go"):
                 goes += word == "go"
                 with self.news:
@@ -94,8 +93,6 @@ class ScriptedServer:
                     result = TestRequestActionResult(status=status)
                     result.result.the_result = message.goal.the_result
                     self.result_pub.publish(result)
-                elif kind == "status":
-                    self.publish_status(status)
                 else:
                     self.listed[goal_id.id] = status
                     self.publish_status()
