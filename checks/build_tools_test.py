@@ -14,6 +14,7 @@ TOOLS = {  # the commands, and the space that they fill
     "catkin_make install": (["catkin_make install"], "install"),
     "catkin_make_isolated": (["catkin_make_isolated --install"], "install_isolated"),
     "catkin build": (["catkin config --install", "catkin build --no-status --no-color --verbose"], "install")}
+SYSTEM = "/usr/bin:/bin"
 # Debian 13's catkin goes by the second name, all others by the first; CMake is not to complain of the unused one.
 FOREIGN = ("--cmake-args -DPYTHON_EXECUTABLE=/usr/bin/python3 -DPython_EXECUTABLE=/usr/bin/python3"
            " --no-warn-unused-cli")
@@ -29,10 +30,10 @@ TERMINAL = ["env", "-u", "CMAKE_PREFIX_PATH", "-u", "PYTHONPATH", "-u", "ROS_PAC
 def path(request, tmp_path_factory):
     """A PATH whose first python3 is the system's, or one that knows nothing of ROS."""
     if request.param == "system":
-        return "/usr/bin:/bin"
+        return SYSTEM
     folder = tmp_path_factory.mktemp("foreign")
     run("/usr/bin/python3", "-m", "venv", "--without-pip", str(folder))
-    return "%s/bin:/usr/bin:/bin" % folder
+    return "%s/bin:%s" % (folder, SYSTEM)
 
 
 @pytest.mark.parametrize("tool", TOOLS)
@@ -53,7 +54,8 @@ def test_it_builds_without_a_warning_and_runs(tool, path, master, tmp_path):
     for other in set(os.listdir(folder)) - {space} if space != "devel" else ():
         run("rm", "-rf", os.path.join(folder, other))
 
-    terminal = [*TERMINAL, path, os.path.join(folder, space, "setup.bash")]
+    # An installed node runs with the python3 that is first on the PATH, as in every ROS package.
+    terminal = [*TERMINAL, path if space == "devel" else SYSTEM, os.path.join(folder, space, "setup.bash")]
     messages = run(*terminal, "rosmsg", "list")
     assert len(re.findall("^actions_tutorial/WashTheDishes", messages, re.M)) == 7, messages
     server = master.start(*terminal, "rosrun", "actions_tutorial", "action_server.py")
