@@ -8,7 +8,7 @@ from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
 import rospy
 import rostest
 
-from harness import eventually, wait_connected
+from harness import NAMES, SUCCEEDED, Group, RawClient, bowls, check_client, eventually, wait_connected
 
 
 class TestFeedback(unittest.TestCase):
@@ -60,6 +60,26 @@ class TestFeedback(unittest.TestCase):
         self.assertTrue(newer.wait_for_result(rospy.Duration(10)))
         self.assertEqual(["bowl-0"], [one.last_dish_washed for one in of_older])
         self.assertEqual(["bowl-0", "bowl-1"], [one.last_dish_washed for one in of_newer])
+
+    def test_feedback_stops_after_a_cancel(self):
+        raw = RawClient().wait_connected()  # SimpleActionClient of actionlib drops feedback that comes after the result
+        self.addCleanup(raw.close)
+        cancelled = raw.send(5)
+        raw.wait_bowls(cancelled, 1)
+        raw.cancel(cancelled)
+        result = raw.wait_result(cancelled)
+        self.assertEqual("PREEMPTED", NAMES[result.status.status])
+        raw.check_outcome(raw.send(2), SUCCEEDED, bowls(2))  # 2 s, and its feedback comes after any of the cancelled
+        self.assertEqual(result.result.dishes_washed, raw.bowls_of(cancelled), "feedback after the end: %s" % raw)
+
+    def test_two_clients_receive_the_same_feedback(self):
+        raw = RawClient().wait_connected()
+        self.addCleanup(raw.close)
+        with Group() as group:
+            check_client(group.node("robust_action_client.py", "3"), 0, 3)
+        raw.wait(lambda: raw.results, "the result of the other node's goal")
+        goal_id, = raw.results
+        raw.check_outcome(goal_id, SUCCEEDED, bowls(3))
 
 
 if __name__ == "__main__":

@@ -73,8 +73,7 @@ class TestKnownIssues(ScriptedCase):
 
     def test_actionlib_146_program_that_raises_ends(self):
         for callback in "goal_callback", "execute_cb":
-            with self.subTest(callback):
-                self.finding("main_thread_raises_after_" + callback, simulated=False, status=1)
+            self.finding("main_thread_raises_after_" + callback, simulated=False, status=1)
 
     def test_actionlib_164_idle_server_does_not_poll(self):
         program = self.programs.program("known_issue", "idle")

@@ -56,7 +56,7 @@ class TestLaunch(unittest.TestCase):
 
     def test_failing_client_ends_the_launch(self):
         launch = self.launch("robust:=true", "number_of_minutes:=-3")
-        launch.wait()
+        self.assertEqual(1, launch.wait(), launch)
         launch.expect("ABORTED: number_of_minutes is -3, must be 0 or more")
 
 

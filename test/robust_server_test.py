@@ -97,7 +97,7 @@ class TestRobustServer(unittest.TestCase):
         stamps = set()
         rospy.Subscriber(self.name + "/status", type(self.client.status), lambda one: stamps.add(one.header.stamp))
         rospy.sleep(2)
-        self.assertLess(len(stamps), 15, "statuses in 2 s, 5 a second")
+        self.assertTrue(5 < len(stamps) < 15, "%d statuses in 2 s, should be 5 a second" % len(stamps))
 
     def test_server_is_an_actionlib_server(self):
         self.serve(self.work)
@@ -203,20 +203,19 @@ class TestRobustServer(unittest.TestCase):
 
     def test_execute_cb_that_raises_is_aborted_and_next_goal_served(self):
         for error in ValueError("out of soap"), SystemExit("out of soap"), KeyboardInterrupt("out of soap"):
-            with self.subTest(error=error):
-                self.namespace = "/raises_" + type(error).__name__
-                self.name = self.namespace + "/wash_dishes_as"
+            self.namespace = "/raises_" + type(error).__name__
+            self.name = self.namespace + "/wash_dishes_as"
 
-                def execute_cb(goal):
-                    if goal.number_of_minutes:
-                        raise error
-                    self.server.set_succeeded()
+            def execute_cb(goal):
+                if goal.number_of_minutes:
+                    raise error
+                self.server.set_succeeded()
 
-                self.serve(execute_cb)
-                message = self.expect(self.client.send(1), ABORTED)
-                self.assertIn("%s: out of soap" % type(error).__name__, message.status.text)
-                self.wait_log("%s: execute_cb failed\nTraceback" % self.name, Log.ERROR)
-                self.expect(self.client.send(0), SUCCEEDED)
+            self.serve(execute_cb)
+            message = self.expect(self.client.send(1), ABORTED)
+            self.assertIn("%s: out of soap" % type(error).__name__, message.status.text)
+            self.wait_log("%s: execute_cb failed\nTraceback" % self.name, Log.ERROR)
+            self.expect(self.client.send(0), SUCCEEDED)
 
     def test_result_that_cannot_be_sent_is_aborted_with_the_reason(self):
         wrong = [WashTheDishesResult([7]), WashTheDishesResult("bowl"), WashTheDishesResult([None])]
