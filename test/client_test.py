@@ -10,7 +10,7 @@ from rosgraph_msgs.msg import Log
 import rospy
 import rostest
 
-from harness import Group, bowls, eventually, printed_bowls
+from harness import SHUTDOWN_RAISES, Group, bowls, eventually, printed_bowls
 
 
 class Server:
@@ -142,8 +142,9 @@ class TestRobustActionClient(ClientTests, unittest.TestCase):
         client.signal(signal.SIGINT)
         self.assertEqual(1, client.wait(), client)
         self.assertEqual(["PREEMPTED"], self.server.outcomes, client)
-        self.assertIn("goal PREEMPTED: cancelled", client.stderr, client)
-        self.assertEqual(bowls(2), printed_bowls(client)[1][:2], client)
+        if not SHUTDOWN_RAISES:
+            self.assertIn("goal PREEMPTED: cancelled", client.stderr, client)
+            self.assertEqual(bowls(2), printed_bowls(client)[1][:2], client)
 
     def test_ctrl_c_while_it_waits_for_a_server(self):
         log = []
@@ -153,7 +154,8 @@ class TestRobustActionClient(ClientTests, unittest.TestCase):
         eventually(lambda: "waiting for the server of /nowhere/wash_dishes_as for 5 s" in log, "it waits", client)
         client.signal(signal.SIGINT)
         self.assertEqual(1, client.wait(), client)
-        self.assertIn("interrupted while waiting for the server of /nowhere/wash_dishes_as", client.stderr, client)
+        if not SHUTDOWN_RAISES:
+            self.assertIn("interrupted while waiting for the server of /nowhere/wash_dishes_as", client.stderr, client)
 
     def test_no_server_within_the_server_timeout(self):
         client = self.client("--server-timeout", "1", ROS_NAMESPACE="/nowhere")

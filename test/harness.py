@@ -4,6 +4,7 @@ checks/ and benchmark/ use it, too.
 """
 import atexit
 import contextlib
+import inspect
 import itertools
 import os
 import re
@@ -12,6 +13,7 @@ import signal
 import socket
 import statistics
 import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -29,6 +31,8 @@ PENDING, ACTIVE, PREEMPTED, SUCCEEDED, ABORTED, RECALLED, PREEMPTING = (
     GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTED, GoalStatus.SUCCEEDED, GoalStatus.ABORTED,
     GoalStatus.RECALLED, GoalStatus.PREEMPTING)
 TERMINAL = {PREEMPTED, SUCCEEDED, ABORTED, RECALLED, GoalStatus.REJECTED}
+# Debian 11's rospy raises an AttributeError at the end of a shutdown: its Python has no Thread.isAlive any more.
+SHUTDOWN_RAISES = sys.version_info >= (3, 9) and "isAlive" in inspect.getsource(rospy.core.signal_shutdown)
 NAMES = {value: name for name, value in vars(GoalStatus).items() if name.isupper()}
 
 

@@ -4,6 +4,7 @@
 NAME is that of a function. What it prints after "ready" is its finding. ACTIONLIB=plain in the environment tries
 actionlib instead of robust. The test starts those with a clock in simulated time.
 """
+import contextlib
 import gc
 import os
 import sys
@@ -170,4 +171,5 @@ if __name__ == "__main__":
     print("ready", flush=True)
     program()
     sys.stdout.flush()
-    rospy.signal_shutdown("done")
+    with contextlib.suppress(AttributeError):  # of Debian 11's rospy, see harness.py
+        rospy.signal_shutdown("done")  # or the thread of actionlib's server goes on

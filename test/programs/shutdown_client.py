@@ -4,6 +4,7 @@
 SCRIPT: what the scripted server does. cancels: with cancel_on_shutdown. leaves: ends when the goal is active. HOOK: s
 for which a function of rospy.on_shutdown takes.
 """
+import contextlib
 import os
 import threading
 import time
@@ -23,9 +24,11 @@ def main():
     active = threading.Event()
     client.send_goal(TestRequestGoal(result_text=script), active_cb=active.set)
     active.wait()
-    print("active", flush=True)
-    if cancels == "leaves":
-        return
+    with contextlib.suppress(AttributeError):  # of Debian 11's rospy, see harness.py
+        print("active", flush=True)
+        if cancels == "leaves":
+            return
+        client.wait_for_result()
     over = client.wait_for_result()
     print(over, robust.client.STATE_NAMES[client.get_state()], client.get_failure(), flush=True)
 
