@@ -33,6 +33,7 @@ class TestRobustClient(ScriptedCase):
         self.connect()
         self.send("silent")
         self.assertFalse(self.client.wait_for_result(3))
+        self.eventually(lambda: self.goals, "the goal")
         self.assertEqual(1, len(self.goals))
 
     def test_goal_message_may_be_changed_and_sent_again(self):
@@ -49,7 +50,7 @@ class TestRobustClient(ScriptedCase):
         for _ in range(3):
             self.send("result:SUCCEEDED")
             self.expect(SUCCEEDED)
-        self.assertEqual(3, len({goal.goal_id.id for goal in self.goals}))
+        self.eventually(lambda: len({goal.goal_id.id for goal in self.goals}) == 3, "three ids")
 
     def test_action_goal_is_a_type_error_that_says_which_type(self):
         self.connect()
@@ -64,6 +65,7 @@ class TestRobustClient(ScriptedCase):
             self.client.send_goal(TestRequestGoal(the_result="many"))
         self.send("result:SUCCEEDED", 3)
         self.expect(SUCCEEDED, 3)
+        self.eventually(lambda: self.goals, "the goal")
         self.assertEqual(1, len(self.goals))
 
     # State, result and callbacks
@@ -177,6 +179,7 @@ class TestRobustClient(ScriptedCase):
         self.send("cancel result:RECALLED")
         self.client.cancel_goal()
         self.expect(RECALLED)
+        self.eventually(lambda: len(self.cancels) >= 2, "two cancels")
         self.assertEqual([goal.goal_id.id for goal in self.goals], [cancel.id for cancel in self.cancels])
 
     def test_stop_tracking_goal_forgets_it_and_it_goes_on(self):
@@ -213,7 +216,7 @@ class TestRobustClient(ScriptedCase):
         goal = script("ACTIVE cancel result:PREEMPTED")
         for timeout in 0.3, rospy.Duration(0.3):
             self.assertEqual(PREEMPTED, self.client.send_goal_and_wait(goal, timeout, 30))
-        self.assertEqual(2, len(self.cancels))
+        self.eventually(lambda: len(self.cancels) == 2, "two cancels")
 
     def test_send_goal_and_wait_gives_up_after_preempt_timeout(self):
         self.connect()
