@@ -289,10 +289,6 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 class _ActionServer(actionlib.ActionServer):
     """The part that talks to the topics. Each terminal state of a goal goes through publish_result."""
 
-    @property
-    def name(self) -> str:
-        return rospy.resolve_name(self.ns)
-
     def start(self):
         with self.lock:
             if not self.started:  # a second start would publish each status twice
@@ -301,6 +297,7 @@ class _ActionServer(actionlib.ActionServer):
 
     def initialize(self):
         super().initialize()
+        self.name = rospy.resolve_name(self.ns)
         if self.status_timer:
             # actionlib's timer ends when the clock is set back.
             self.status_timer.shutdown()
@@ -333,9 +330,10 @@ class _ActionServer(actionlib.ActionServer):
         with self.lock:
             if self.last_cancel > rospy.Time.now():  # the clock was set back
                 self.last_cancel = rospy.Time()
-            if any(goal.goal_id.id == one.status.goal_id.id and one.goal for one in self.status_list):
-                _log(rospy.logwarn, "%s: goal ignored: a goal with its id %r came before", self.name, goal.goal_id.id)
             super().internal_goal_callback(goal)
+            is_new = bool(self.status_list) and self.status_list[-1].goal is goal
+            if not is_new and any(one.goal and one.status.goal_id.id == goal.goal_id.id for one in self.status_list):
+                _log(rospy.logwarn, "%s: goal ignored: a goal with its id %r came before", self.name, goal.goal_id.id)
 
     def internal_cancel_callback(self, goal_id):
         with self.lock:
