@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""scripts/action_server.py, but it looks for a cancel 20 times a second (~looks) while a bowl still takes a second."""
+"""scripts/action_server.py, but it looks for a cancel 20 times a second while a bowl still takes a second."""
 import actionlib
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesFeedback, WashTheDishesResult
 import rospy
@@ -8,7 +8,7 @@ import rospy
 class ActionServer:
 
     def __init__(self):
-        self.looks = rospy.get_param("~looks", 20)
+        self.looks = 20  # times a second
         self.a_server = actionlib.SimpleActionServer(
             "wash_dishes_as", WashTheDishesAction, execute_cb=self.execute_cb, auto_start=False)
         self.a_server.start()

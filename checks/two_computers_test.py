@@ -1,7 +1,10 @@
 """A robot, on which the master runs, and a laptop, with a cable between them that is pulled."""
+import os
+import subprocess
+
 import pytest
 
-from harness import Group, check_client, run
+from harness import Group, check_client, eventually, run
 
 pytestmark = pytest.mark.needs("root", "ip", "nsenter")
 HEARTBEAT_TIMEOUT, SERVER_TIMEOUT = 3, 6  # s
@@ -46,7 +49,10 @@ def computers(workspace, tmp_path_factory):
             run(*computer.enter, "ip", "address", "add", computer.ip + "/24", "dev", "eth0")
             computer.ip_link("set", "lo", "up")
             computer.ip_link("set", "eth0", "up")
-        robot.start("rosmaster", "--core")
+        master = robot.start("rosmaster", "--core")
+        eventually(lambda: not subprocess.call([*robot.enter, "rosparam", "list"], env=dict(os.environ, **robot.env),
+                                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL),
+                   "a master on the robot", master)
         yield {"robot": robot, "laptop": laptop}
 
 

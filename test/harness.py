@@ -11,7 +11,6 @@ import re
 import shutil
 import signal
 import socket
-import statistics
 import subprocess
 import sys
 import tempfile
@@ -240,13 +239,6 @@ def check_client(client, status, count):
     """Wait for the end of a client (Process). Expect an exit status, and count bowls as feedback and as result."""
     assert client.wait(60) == status, "expected exit status %d of %s" % (status, client)
     assert printed_bowls(client) == (bowls(count), bowls(count)), "expected %d bowls of %s" % (count, client)
-
-
-def check_seconds(client, within):
-    """Expect the seven bowls of a client (Process) a second apart, the median to within (s)."""
-    times = [at for at, _, text in client.lines if "Feedback received" in text]
-    gap = statistics.median(after - before for before, after in zip(times, times[1:]))
-    assert abs(gap - 1) < within and 5 < times[-1] - times[0] < 10, "expected a bowl a second of %s" % client
 
 
 # Messages

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""What users of actionlib in Python have reported: one test for each report, named by it. doc/known_issues.md has them.
+"""What users of actionlib in Python have reported: one test for each report, named by it. doc/known_issues.md has
+those that plain actionlib fails.
 
 ACTIONLIB=plain in the environment tries actionlib instead of robust. The name of a test begins with its repository:
 actionlib, ros_comm, pr2_common; own: found by us.

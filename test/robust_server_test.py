@@ -218,7 +218,7 @@ class TestRobustServer(unittest.TestCase):
             self.expect(self.client.send(0), SUCCEEDED)
 
     def test_result_that_cannot_be_sent_is_aborted_with_the_reason(self):
-        wrong = [WashTheDishesResult([7]), WashTheDishesResult("bowl"), WashTheDishesResult([None])]
+        wrong = [WashTheDishesResult([7]), WashTheDishesResult(7), WashTheDishesResult([None])]
         ends = "set_succeeded", "set_aborted", "set_preempted"
 
         def execute_cb(goal):
@@ -228,7 +228,7 @@ class TestRobustServer(unittest.TestCase):
                 self.server.set_succeeded(WashTheDishesResult(["whole"]))
 
         self.serve(execute_cb)
-        for number in 0, 2:
+        for number in range(3):
             message = self.expect(self.client.send(number), ABORTED)
             self.assertRegex(message.status.text, "the result cannot be sent: .+")
             self.assertEqual(["whole"], self.expect(self.client.send(3), SUCCEEDED).result.dishes_washed)

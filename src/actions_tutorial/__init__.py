@@ -1,4 +1,4 @@
-"""The Python modules that the nodes in scripts/ share."""
+"""The library robust; catkin adds the generated msg and srv."""
 from pkgutil import extend_path
 
 # catkin puts this folder before the one with the messages into sys.path, which a child of multiprocessing inherits.

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Sends a goal, waits and prints its state and get_failure(): shutdown_client.py SCRIPT cancels|default|leaves [HOOK]
 
-SCRIPT: what the scripted server does. cancels: with cancel_on_shutdown. leaves: ends when the goal is active. HOOK: s
-for which a function of rospy.on_shutdown takes.
+SCRIPT: what the scripted server does. cancels: with cancel_on_shutdown. leaves: ends when the goal is active. HOOK:
+seconds that a function given to rospy.on_shutdown takes.
 """
 import contextlib
 import os

@@ -2,7 +2,7 @@
 """Three robust servers of WashTheDishes, for a test that shuts this program down: shutdown_server.py [HOOK]
 
 They are first/wash_dishes_as and second/wash_dishes_as, and callbacks/wash_dishes_as with goal and preempt callbacks.
-HOOK: s for which a function of rospy.on_shutdown takes, by default 0. Prints what happens. Ends when its stdin says so:
+HOOK: seconds that a function given to rospy.on_shutdown takes, by default 0. Prints what happens. stdin ends it:
 "return" ends the main thread, "signal_shutdown" calls rospy.signal_shutdown.
 
 A goal of n minutes stops when asked to, with n bowls. Others:

@@ -106,8 +106,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """
         action_goal = self.action_client.ActionGoal()
         if getattr(goal, "_type", None) != action_goal.goal._type:
-            raise TypeError("the goal is a %s, must be a %s" % (
-                getattr(goal, "_type", type(goal).__name__), action_goal.goal._type))
+            raise TypeError("the goal must be of type %s, not %s" % (
+                action_goal.goal._type, getattr(goal, "_type", type(goal).__name__)))
         action_goal.goal_id = actionlib.GoalIDGenerator().generate_ID()
         action_goal.goal_id.id += "-" + uuid.uuid4().hex[:8]  # two nodes of one name may send in one simulated moment
         action_goal.header.stamp = action_goal.goal_id.stamp
@@ -265,8 +265,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
 
     def __follow(self, goal, time_left=lambda: math.inf):
         """Call the callbacks of a goal and watch for silence, until it is over, another is sent or no time is left."""
-        patience = self.__heartbeat_timeout
-        tick = min(0.5, patience / 4) if patience else None if goal.has_thread else 0.1
+        heartbeat = self.__heartbeat_timeout
+        tick = min(0.5, heartbeat / 4) if heartbeat else None if goal.has_thread else 0.1
         real, ros = time.monotonic(), rospy.get_time()
         while (goal is self.__goal or goal.outcome is not None) and not goal.is_over and time_left() > 0:
             if goal.was_active and not goal.active_called:
@@ -283,13 +283,13 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                 with self.__changed:
                     if goal is self.__goal and goal.outcome is None and goal.was_active == goal.active_called:
                         self.__changed.wait(tick)
-            if patience:
+            if heartbeat:
                 real_before, ros_before, real, ros = real, ros, time.monotonic(), rospy.get_time()
                 with self.__changed:
                     # At most two ticks count: this computer may have been asleep.
                     goal.silence += max(0.0, min(real - real_before, ros - ros_before, 2 * tick))
-                    text = "server lost: silent for %.1f s (heartbeat_timeout is %g s)" % (goal.silence, patience)
-                if goal.silence >= patience and self.__end(goal, GoalStatus.LOST, text):
+                    text = "server lost: silent for %.1f s (heartbeat_timeout is %g s)" % (goal.silence, heartbeat)
+                if goal.silence >= heartbeat and self.__end(goal, GoalStatus.LOST, text):
                     self.__send_cancel(goal)  # in case the server is only asleep
 
     def __show(self, goal, simple_state):

@@ -29,7 +29,7 @@ import genpy
 import rospy
 from actionlib_msgs.msg import GoalStatus
 
-from . import rate
+from .rate import Rate, wake
 
 SHUTTING_DOWN = "the server is shutting down"
 _WAITING = GoalStatus.PENDING, GoalStatus.RECALLING
@@ -47,7 +47,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     execute_cb: called with each goal, one at a time, in a daemon thread. None for servers with goal callbacks.
     auto_start: whether to call start(). False is better: execute_cb may be called before the constructor returns.
     shutdown_timeout: s for which a goal may go on after the shutdown of the node began; then it is ABORTED.
-    Raises ValueError for a shutdown_timeout below 0, or without a limit.
+    Raises ValueError for a shutdown_timeout below 0, or not finite.
     """
 
     def __init__(self, name: str, ActionSpec: type, execute_cb: Optional[Callable[[Any], Any]] = None,
@@ -79,7 +79,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         """Serve goals from now on. A second call does nothing."""
         super().start()
 
-    def rate(self, hz: float) -> rate.Rate:
+    def rate(self, hz: float) -> Rate:
         """Returns a rate for the work on a goal: a rospy.Rate whose sleep() returns True at the end of the period, and
         False at once when the goal should stop: for a cancel, a newer goal or a shutdown.
 
@@ -99,7 +99,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             return bool(before) and own is not before and \
                 threading.get_ident() not in (self.__accepted_by, self.__ended_by)
 
-        return rate.Rate(hz, should_stop)
+        return Rate(hz, should_stop)
 
     def __running_goal(self):
         """Returns the goal that is active, or None. Needs no lock, unlike is_active()."""
@@ -122,7 +122,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 SimpleActionServer.set_preempted(self)
             self.__accepted_by = threading.get_ident()
             goal = super().accept_new_goal()
-        rate.wake()
+        wake()
         _log(rospy.loginfo, "%s: goal accepted", self.action_server.name)
         return goal
 
@@ -170,7 +170,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         super().register_preempt_callback(cb and (lambda: self.__call_preempt_callback(cb)))
 
     def __call_goal_callback(self, cb):
-        rate.wake()  # the callback may take long
+        wake()  # the callback may take long
         goal = self.next_goal
         try:
             cb()
@@ -182,7 +182,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 self.set_aborted(None, text)
 
     def __call_preempt_callback(self, cb):
-        rate.wake()
+        wake()
         try:
             cb()
         except BaseException as error:
@@ -201,7 +201,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 older.get_goal_id().stamp = stamp  # since actionlib refuses a goal with an earlier stamp
             super().internal_goal_callback(goal)
         self.__goal_came.set()
-        rate.wake()
+        wake()
 
     def internal_preempt_callback(self, goal: actionlib.ServerGoalHandle) -> None:
         """Overrides actionlib's: a cancel has come. A goal that waits is RECALLED, and not started."""
@@ -210,7 +210,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 self.__recall_next_goal("cancelled before it was started")
             else:
                 super().internal_preempt_callback(goal)
-        rate.wake()
+        wake()
 
     def __recall_next_goal(self, text):
         self.new_goal = False
@@ -254,7 +254,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         reached a terminal state, or None if they have."""
         self.__shutting_down = True
         _log.close()
-        rate.wake()
+        wake()
         self.__goal_came.set()
         if self.action_server.is_idle():
             return None
