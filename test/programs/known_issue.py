@@ -33,8 +33,8 @@ def serve(name="work"):
     return server
 
 
-def connect(name="work"):
-    client = library.SimpleActionClient(name, WashTheDishesAction)
+def connect():
+    client = library.SimpleActionClient("work", WashTheDishesAction)
     client.wait_for_server()
     return client
 
