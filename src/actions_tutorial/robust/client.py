@@ -33,6 +33,7 @@ Seconds = Union[genpy.Duration, float]
 
 UNLISTED_FOR = 1.0  # s for which a status no longer lists a goal that is then LOST
 CANCELLED_WITHIN = 1.0  # s from the cancel on shutdown to the outcome
+SETTLED_AFTER = 0.2  # s from a new connection to the first goal: rospy counts it a moment before messages pass on it
 _WAS_ACTIVE = {GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.PREEMPTED, GoalStatus.SUCCEEDED, GoalStatus.ABORTED}
 
 clients: weakref.WeakSet = weakref.WeakSet()  # all of this process
@@ -59,6 +60,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         self.__cancel_on_shutdown = cancel_on_shutdown
         self.__goal: Optional[_Goal] = None
         self.__not_sent = "no goal was sent"
+        self.__is_settled = False  # wait_for_server has waited for SETTLED_AFTER
         self.__changed = threading.Condition()
         topic = rospy.remap_name(ns)
         self.__subscribers = [
@@ -71,16 +73,19 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """Wait until the server is connected. Every 5 s a line is logged that says what for.
 
         timeout: rospy.Duration or s, in real time, also where time is simulated; 0: no limit.
-        Returns whether it is connected: False after timeout and on shutdown. Raises rospy.ROSInitException before
-        rospy.init_node.
+        Returns whether it is connected: False after timeout and on shutdown, True 0.2 s after it was found (see
+        SETTLED_AFTER). Raises rospy.ROSInitException before rospy.init_node.
         """
         seconds = timeout.to_sec() if isinstance(timeout, genpy.Duration) else timeout
         begun, logged = time.monotonic(), 0.0
         while True:
             # A timeout in the past is a single look. Before simulated time begins there is no past.
             if not rospy.get_rostime().is_zero() and self.action_client.wait_for_server(rospy.Duration(0, -1)):
-                self.__not_sent = "no goal was sent"
+                if not self.__is_settled:
+                    time.sleep(SETTLED_AFTER)
+                self.__is_settled, self.__not_sent = True, "no goal was sent"
                 return True
+            self.__is_settled = False
             waited = time.monotonic() - begun
             if rospy.is_shutdown():
                 self.__not_sent = "interrupted while waiting for the server of %s" % self.__name
