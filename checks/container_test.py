@@ -53,7 +53,7 @@ def test_demo_and_second_terminal_in_a_container_with_a_home(podman):
 
     terminal = container(command)
     terminal.expect("^  - bowl-6", 600)
-    assert printed_bowls(terminal) == (bowls(7), bowls(7)), str(terminal)
+    assert printed_bowls(terminal)[1] == bowls(7), str(terminal)
     terminal.type("echo the shell\n")
     terminal.expect("^the shell")
     assert "WashTheDishesGoal" in run("podman", "exec", "dishes", "./tutorial", "shell", "rosmsg list | grep Dishes",

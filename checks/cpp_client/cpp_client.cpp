@@ -19,6 +19,7 @@ int main(int argc, char** argv)
   Client client("wash_dishes_as", true);  // true: a thread of its own calls back
   if (!client.waitForServer(ros::Duration(60)))
     return 1;
+  ros::WallDuration(0.2).sleep();  // or the first feedback may get lost, as with actionlib's client in Python
   client.sendGoal(goal, Client::SimpleDoneCallback(), Client::SimpleActiveCallback(),
                   [&](const actions_tutorial::WashTheDishesFeedbackConstPtr& feedback)
                   {
