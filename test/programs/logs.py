@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A robust server that logs 3000 lines and ends, with exit status 3."""
+"""A robust server that logs 300 lines and ends, with exit status 3."""
 import sys
 
 from actions_tutorial import robust
@@ -9,6 +9,6 @@ import rospy
 rospy.init_node("logs")
 server = robust.SimpleActionServer("logs", WashTheDishesAction, print, auto_start=False)
 server.start()
-for number in range(3000):
+for number in range(300):
     rospy.loginfo("line %d.", number)
 sys.exit(3)
