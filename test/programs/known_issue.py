@@ -105,8 +105,10 @@ def clock_begins_while_waiting_for_result():
     eventually(client.action_client.pub_goal.get_num_connections, "the server")
     time.sleep(0.5)  # the other topics
     client.send_goal(TestRequestGoal(result_text="2 result:SUCCEEDED"))
-    threading.Timer(0.5, SimulatedClock).start()
+    clock = threading.Timer(0.5, SimulatedClock)
+    clock.start()
     print(client.wait_for_result(rospy.Duration(20)))
+    clock.join()  # it waits for its first message, which would not come after the shutdown
 
 
 def goal_in_a_moment_of_simulated_time():
