@@ -374,10 +374,11 @@ class RawClient:
     def __str__(self):
         with self.news:
             last = list(dict.fromkeys([*self.states, *self.feedback, *self.results]))[-5:]
-            return "\n".join("%s: states %s, bowls %s, results %s" % (
+            lines = ["last status of %.2f s" % self.status.header.stamp.to_sec()]
+            return "\n".join(lines + ["%s: states %s, bowls %s, results %s" % (
                 goal_id, [NAMES[state] for state in self.states.get(goal_id, [])], self.bowls_of(goal_id),
                 [(NAMES[one.status.status], one.status.text, one.result.dishes_washed)
-                 for one in self.results.get(goal_id, [])]) for goal_id in last) or "no message names a goal"
+                 for one in self.results.get(goal_id, [])]) for goal_id in last])
 
 
 # Time
@@ -409,7 +410,7 @@ class SimulatedClock:
             client.wait(lambda: client.status.header.stamp == self.now, "a status of %.2f s" % self.now.to_sec())
 
     def lead(self, client):
-        """Turn the clock on until the server's status follows it; its timer may have begun after our first turns."""
+        """Turn the clock on until the server's status follows it, which may have missed some turns."""
         begun = self.now
         client.wait(lambda: self.turn(0.25) or begun < client.status.header.stamp <= self.now,
                     "a status that follows the clock")

@@ -130,7 +130,7 @@ class Sequence:
     def end_a_goal_while_the_clock_runs_fast(self, way):
         with running(self.clock):
             self.end_a_goal_in_its_first_second(way, fast=True)
-        self.clock.turn(0.25, self.raw)  # or the next goal may overtake the clock, and begin too early
+        self.clock.lead(self.raw)  # or the next goal may overtake the clock, and begin too early
 
 
 @contextlib.contextmanager
