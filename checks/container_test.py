@@ -61,5 +61,5 @@ def test_demo_and_second_terminal_in_a_container_with_a_home(podman):
     run("podman", "exec", "dishes", "sh", "-c", "nano --version && echo kept > ~/laundry", **podman.env)
     terminal.type("exit\n")
     assert terminal.wait(300) == 0, str(terminal)  # podman removes what it has copied
-    again = container("cat /root/laundry")
+    again = container('sh -c "cat ~/laundry"')
     assert again.wait(300) == 0 and again.stdout == "kept\n", str(again)

@@ -33,7 +33,7 @@ Seconds = Union[genpy.Duration, float]
 
 UNLISTED_FOR = 1.0  # s for which a status no longer lists a goal that is then LOST
 CANCELLED_WITHIN = 1.0  # s from the cancel on shutdown to the outcome
-SETTLED_AFTER = 0.2  # s from a new connection to the first goal: rospy counts it a moment before messages pass on it
+SETTLED_AFTER = 0.2  # s for a new connection: rospy counts it a moment before messages pass
 _WAS_ACTIVE = {GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.PREEMPTED, GoalStatus.SUCCEEDED, GoalStatus.ABORTED}
 
 clients: weakref.WeakSet = weakref.WeakSet()  # all of this process
@@ -73,8 +73,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """Wait until the server is connected. Every 5 s a line is logged that says what for.
 
         timeout: rospy.Duration or s, in real time, also where time is simulated; 0: no limit.
-        Returns whether it is connected: False after timeout and on shutdown, True 0.2 s after it was found (see
-        SETTLED_AFTER). Raises rospy.ROSInitException before rospy.init_node.
+        Returns whether it is connected: False after timeout and on shutdown. After a new connection it waits 0.2 s
+        more, or the first feedback might be lost. Raises rospy.ROSInitException before rospy.init_node.
         """
         seconds = timeout.to_sec() if isinstance(timeout, genpy.Duration) else timeout
         begun, logged = time.monotonic(), 0.0
