@@ -137,6 +137,9 @@ class TestKnownIssues(ScriptedCase):
     def test_actionlib_19_wait_for_server_without_a_clock_ends(self):
         self.assertEqual("ends", self.finding("no_clock_while_waiting_for_server"))
 
+    def test_own_connected_server_is_found_without_a_clock(self):
+        self.assertEqual("[True, True]", self.finding("no_clock_and_a_server"))
+
     def test_actionlib_137_clock_that_begins_ends_no_wait(self):
         self.assertEqual("[True]", self.finding("clock_begins_while_waiting_for_server"))
 
@@ -186,7 +189,9 @@ class TestKnownIssues(ScriptedCase):
     def test_actionlib_181_result_that_got_lost(self):
         self.connect()
         self.send("ACTIVE SUCCEEDED 0.2 unlisted")
-        self.expect(LOST)
+        self.assertTrue(self.client.wait_for_result(rospy.Duration(40)))
+        self.assertEqual(LOST, self.client.get_state())
+        self.assertRegex(self.client.get_goal_status_text(), "reported SUCCEEDED, and no result came within 30 s")
 
     def test_pr2_common_139_restarted_server(self):
         self.connect()

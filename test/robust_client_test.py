@@ -3,10 +3,13 @@
 
 The server is programs/scripted_server.py. Each goal is a script of what it does: `ACTIVE go result:SUCCEEDED`.
 """
+import math
 import sys
+import threading
 import time
 
 import actionlib
+from actionlib import CommState
 from actionlib.msg import TestRequestAction, TestRequestActionGoal
 from actionlib_msgs.msg import GoalStatus
 import rospy
@@ -52,12 +55,125 @@ class TestRobustClient(ScriptedCase):
             self.expect(SUCCEEDED)
         self.eventually(lambda: len({goal.goal_id.id for goal in self.goals}) == 3, "three ids")
 
+    def test_id_has_three_parts_the_last_one_the_stamp(self):
+        self.connect()
+        self.send("result:SUCCEEDED")
+        self.expect(SUCCEEDED)
+        goal_id = self.goals[0].goal_id
+        name, _, stamp = goal_id.id.split("-")
+        self.assertTrue(name.startswith(rospy.get_name()), name)
+        self.assertEqual("%d.%d" % (goal_id.stamp.secs, goal_id.stamp.nsecs), stamp)
+
     def test_action_goal_is_a_type_error_that_says_which_type(self):
         self.connect()
         with self.assertRaisesRegex(TypeError, "must be of type actionlib/TestRequestGoal, not .*ActionGoal"):
             self.client.send_goal(TestRequestActionGoal())
         with self.assertRaises(TypeError):
             self.client.send_goal("wash")
+
+    def test_send_goal_after_stop_raises_and_leaves_no_goal(self):
+        client = robust.SimpleActionClient("nobody", TestRequestAction)
+        client.action_client.stop()
+        with self.assertRaises(rospy.ROSException):
+            client.send_goal(script(""))
+        self.assertFalse(client.wait_for_result())
+
+    # The goal handle
+
+    def test_gh_is_none_without_a_goal_that_is_tracked(self):
+        self.connect()
+        self.assertIsNone(self.client.gh)
+        self.send("ACTIVE")
+        self.assertIsInstance(self.client.gh, actionlib.ClientGoalHandle)
+        self.client.stop_tracking_goal()
+        self.assertIsNone(self.client.gh)
+
+    def test_gh_none_set_by_the_program_stops_tracking(self):
+        self.connect()
+        self.send("ACTIVE")
+        self.wait_state(ACTIVE)
+        self.client.gh = None
+        self.assertEqual((LOST, False), (self.client.get_state(), self.client.wait_for_result()))
+
+    def test_gh_names_the_goals_id(self):
+        self.connect()
+        self.send("ACTIVE")
+        self.wait_state(ACTIVE)
+        self.assertEqual(self.goals[0].goal_id.id, self.client.gh.comm_state_machine.action_goal.goal_id.id)
+
+    def test_gh_shows_the_raw_status_and_get_state_folds_it(self):
+        self.connect()
+        self.send("ACTIVE cancel PREEMPTING go result:PREEMPTED", 4)
+        self.wait_state(ACTIVE)
+        self.assertEqual(CommState.ACTIVE, self.client.gh.get_comm_state())
+        self.client.gh.cancel()
+        self.eventually(lambda: self.client.gh.get_goal_status() == GoalStatus.PREEMPTING, "PREEMPTING")
+        self.assertEqual((ACTIVE, CommState.PREEMPTING), (self.client.get_state(), self.client.gh.get_comm_state()))
+        self.assertIsNone(self.client.gh.get_result())
+        self.go()
+        self.expect(PREEMPTED, 4)
+        handle = self.client.gh
+        self.assertEqual((PREEMPTED, PREEMPTED, "cancelled", 4, CommState.DONE), (
+            handle.get_goal_status(), handle.get_terminal_state(), handle.get_goal_status_text(),
+            handle.get_result().the_result, handle.get_comm_state()))
+
+    def test_kept_gh_is_updated_after_the_next_send_goal(self):
+        self.connect()
+        self.send("ACTIVE go result:ABORTED", 1, done_cb=lambda *_: self.done.append("older"))
+        self.wait_state(ACTIVE)
+        older = self.client.gh
+        self.send("ACTIVE go 0.2 result:SUCCEEDED", 2)
+        self.go()
+        self.expect(SUCCEEDED, 2)
+        self.assertEqual((ABORTED, 1), (older.get_terminal_state(), older.get_result().the_result))
+        self.assertEqual([(SUCCEEDED, 2)], self.done)
+
+    def test_kept_gh_is_updated_after_stop_tracking_goal(self):
+        self.connect()
+        self.send("ACTIVE go result:ABORTED", 1)
+        self.wait_state(ACTIVE)
+        kept = self.client.gh
+        self.client.stop_tracking_goal()
+        self.go()
+        self.eventually(lambda: kept.get_result(), "a result")
+        self.assertEqual((ABORTED, []), (kept.get_terminal_state(), self.done))
+
+    def test_gh_call_that_actionlib_lacks_is_an_attribute_error(self):
+        self.connect()
+        self.send("ACTIVE")
+        with self.assertRaisesRegex(AttributeError, "pause"):
+            self.client.gh.pause()
+
+    # Callbacks that are set as attributes
+
+    def test_feedback_cb_set_after_send_goal_is_called(self):
+        self.connect()
+        self.client.send_goal(script("ACTIVE go feedback result:SUCCEEDED"))
+        self.client.feedback_cb = self.feedback.append
+        self.sent = 1
+        self.go()
+        self.eventually(lambda: self.feedback, "feedback")
+
+    def test_active_cb_and_done_cb_set_after_send_goal_are_called(self):
+        self.connect()
+        self.client.send_goal(script("go ACTIVE 0.1 result:SUCCEEDED"))
+        self.client.active_cb = lambda: self.active.append(True)
+        self.client.done_cb = lambda state, _: self.done.append(state)
+        self.sent = 1
+        self.go()
+        self.expect(SUCCEEDED)
+        self.assertEqual(([True], [SUCCEEDED]), (self.active, self.done))
+
+    def test_done_cb_of_an_older_goal_is_not_called(self):
+        free, older = threading.Event(), []
+        self.connect()
+        self.send("ACTIVE 0.1 result:ABORTED", active_cb=lambda: free.wait(30), done_cb=lambda *_: older.append(1))
+        handle = self.client.gh
+        self.eventually(lambda: handle.get_comm_state() == CommState.DONE, "a result, while active_cb runs")
+        self.send("ACTIVE 0.2 result:SUCCEEDED", 2)
+        free.set()
+        self.expect(SUCCEEDED, 2)
+        self.assertEqual([], older)
 
     # State, result and callbacks
 
@@ -177,6 +293,33 @@ class TestRobustClient(ScriptedCase):
         for timeout in 0, 30, 30.0, rospy.Duration(), rospy.Duration(30):
             self.assertTrue(self.client.wait_for_result(timeout))
 
+    def test_negative_timeout_is_over_at_once(self):
+        self.connect()
+        self.send("ACTIVE")
+        for timeout in -1, rospy.Duration(-1), -math.inf:
+            self.assertFalse(self.client.wait_for_result(timeout))
+        nobody = robust.SimpleActionClient("nobody", TestRequestAction)
+        self.assertFalse(nobody.wait_for_server(-1))
+        self.assertEqual(ACTIVE, self.client.send_goal_and_wait(script("ACTIVE"), 0.3, -1))
+
+    def test_infinite_timeout_is_no_limit(self):
+        self.connect()
+        self.assertTrue(self.client.wait_for_server(math.inf))
+        goal = script("ACTIVE 0.2 result:SUCCEEDED")
+        self.assertEqual(SUCCEEDED, self.client.send_goal_and_wait(goal, math.inf, math.inf))
+        self.assertTrue(self.client.wait_for_result(math.inf))
+
+    def test_timeout_that_is_no_number_raises_and_sends_nothing(self):
+        self.connect()
+        for wrong, error in (math.nan, ValueError), (None, TypeError), ("1", TypeError):
+            for call in (self.client.wait_for_server, self.client.wait_for_result,
+                         lambda timeout: self.client.send_goal_and_wait(script(""), timeout),
+                         lambda timeout: self.client.send_goal_and_wait(script(""), 1, timeout)):
+                self.assertRaises(error, call, wrong)
+        self.send("result:SUCCEEDED")
+        self.expect(SUCCEEDED)
+        self.assertEqual(1, len(self.goals))
+
     def test_wait_for_result_without_a_goal_is_false_and_logged(self):
         self.connect()
         self.assertFalse(self.client.wait_for_result())
@@ -278,6 +421,19 @@ class TestRobustClient(ScriptedCase):
         self.send("ACTIVE others unlisted 0.2 ACTIVE 1.5 result:SUCCEEDED")
         self.expect(SUCCEEDED)
 
+    def test_result_that_comes_late_is_awaited_while_the_server_lives(self):
+        for options in {}, {"heartbeat_timeout": 1}:
+            self.connect(**options)
+            self.send("ACTIVE SUCCEEDED 0.2 unlisted 2.5 result:SUCCEEDED", 5)
+            self.expect(SUCCEEDED, 5)
+        self.assertEqual([], self.cancels)
+
+    def test_server_that_falls_silent_before_its_result_is_lost(self):
+        self.connect(heartbeat_timeout=1)
+        self.send("ACTIVE SUCCEEDED 0.2 unlisted silent")
+        self.expect(LOST)
+        self.assertIn("silent for", self.client.get_goal_status_text())
+
     def test_goal_never_listed_stays_pending(self):
         self.connect()
         self.send("2 result:SUCCEEDED")
@@ -304,7 +460,7 @@ class TestRobustClient(ScriptedCase):
 
     def test_get_failure_without_outcome(self):
         self.connect()
-        self.assertEqual("no goal was sent", self.client.get_failure())
+        self.assertEqual("no goal was sent, or it is no longer tracked", self.client.get_failure())
         self.send("0.5 ACTIVE unlisted")
         self.assertEqual("goal PENDING: no outcome so far", self.client.get_failure())
         self.expect(LOST)
@@ -314,6 +470,16 @@ class TestRobustClient(ScriptedCase):
         nobody = robust.SimpleActionClient("nobody", TestRequestAction)
         self.assertFalse(nobody.wait_for_server(0.2))
         self.assertEqual("no server of /nobody within 0.2 s", nobody.get_failure())
+
+    def test_get_failure_after_the_server_has_gone(self):
+        server = self.programs.program("scripted_server", ROS_NAMESPACE="/gone")
+        client = robust.SimpleActionClient("gone/scripted", TestRequestAction)
+        self.assertTrue(client.wait_for_server(30))
+        self.assertEqual(SUCCEEDED, client.send_goal_and_wait(script("result:SUCCEEDED"), 30))
+        self.assertIsNone(client.get_failure())
+        server.stop()
+        self.eventually(lambda: not client.wait_for_server(0.1), "no server any more")
+        self.assertEqual("no server of /gone/scripted within 0.1 s", client.get_failure())
 
 
 if __name__ == "__main__":

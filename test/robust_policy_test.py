@@ -1,16 +1,18 @@
 #!/usr/bin/env python3
 """What robust must not do: patch anything, lose lines of log, give up on a goal, send anything of its own accord."""
 import signal
+import sys
 import time
 
 from actionlib.msg import TestRequestAction
 from actionlib_msgs.msg import GoalStatus
+from rosgraph_msgs.msg import Log
 import rospy
 import rostest
 
 from actions_tutorial import robust
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
-from harness import ACTIVE, SUCCEEDED
+from harness import ABORTED, ACTIVE, PACKAGE, SUCCEEDED, RawClient, run
 from scripted import Programs, ScriptedCase, script
 
 
@@ -45,6 +47,43 @@ class TestRobustPolicy(ScriptedCase):
         self.assertEqual(3, program.wait())
         missing = [number for number in range(300) if "line %d." % number not in program.stdout]
         self.assertEqual([], missing)
+
+    def test_import_star_gives_actionlibs_names_only(self):
+        names = run(sys.executable, "-c", """if True:
+            import actionlib
+            from actions_tutorial.robust import *
+            print(sorted(name for name in set(dir()) - set(vars(actionlib)) if name[0] != "_"))""")
+        self.assertEqual("['actionlib']\n", names)
+
+    def test_clients_and_servers_that_are_stopped_leave_nothing(self):
+        program = self.program("drops_clients")
+        program.expect(r"^clients \(0, \d, 0\)$")  # rospy may have started a thread of its own
+        program.expect("^servers True")
+
+    # Programs that nobody here wrote
+
+    def test_stop_handler_that_reads_gh_stops_both_arms(self):
+        for kind in "is_not_none", "true":
+            program = self.program("two_arms", kind)
+            program.expect("both move")
+            program.signal(signal.SIGINT)
+            program.expect(r"^\[2, 2\]")
+
+    def test_closed_stdout_affects_no_goal_and_no_later_error(self):
+        lines = []
+        rospy.Subscriber("/rosout", Log, lambda line: lines.append(line.msg))
+        programs = Programs()
+        self.addCleanup(programs.stop)
+        server = programs.start("sh", "-c", "PYTHONUNBUFFERED=1 %s/scripts/robust_action_server.py | head -1" % PACKAGE)
+        server.expect("waits for goals")
+        client = RawClient().wait_connected(server)
+        self.addCleanup(client.close)
+        for _ in range(3):
+            self.assertEqual(ABORTED, client.wait_result(client.send(-1)).status.status)
+        twice = client.send(0)
+        client.wait_result(twice)
+        client.send(0, twice)
+        self.eventually(lambda: any("goal ignored" in line and twice in line for line in lines), "a warning")
 
     def test_goal_goes_on_when_its_program_ends(self):
         program = self.program("shutdown_client", "ACTIVE 3 result:SUCCEEDED", "leaves")

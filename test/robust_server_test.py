@@ -134,6 +134,26 @@ class TestRobustServer(unittest.TestCase):
         self.assertEqual(bowls(2), self.expect(goal, PREEMPTED).result.dishes_washed)
         self.assertEqual([False], self.slept)
 
+    def test_loop_that_goes_on_after_a_cancel_keeps_its_pace(self):
+        took = []
+
+        def execute_cb(goal):
+            self.started.append(goal.number_of_minutes)
+            rate = self.server.rate(20)
+            while rate.sleep():
+                pass
+            begun = time.monotonic()
+            self.slept += [rate.sleep() for _ in range(10)]  # it slows down
+            took.append(time.monotonic() - begun)
+            self.server.set_preempted()
+
+        self.serve(execute_cb)
+        goal = self.send_active(1)
+        self.client.cancel(goal)
+        self.expect(goal, PREEMPTED)
+        self.assertEqual([False] * 10, self.slept)
+        self.assertGreater(took[0], 0.4)
+
     def test_newer_goal_wakes_rate(self):
         self.serve(self.work)
         older = self.send_active(2)
@@ -242,6 +262,26 @@ class TestRobustServer(unittest.TestCase):
 
         self.serve(execute_cb)
         self.client.check_outcome(self.client.send(1), SUCCEEDED, bowls(1))
+
+    def test_feedback_none_raises_and_spoils_nothing(self):
+        def execute_cb(_):
+            with self.assertRaises(rospy.ROSSerializationException):
+                self.server.publish_feedback(None)
+            self.server.publish_feedback(WashTheDishesFeedback("bowl-0"))
+            self.server.set_succeeded(WashTheDishesResult(bowls(1)))
+
+        self.serve(execute_cb)
+        self.client.check_outcome(self.client.send(1), SUCCEEDED, bowls(1))
+
+    def test_need_to_terminate_ends_the_thread_of_execute_cb(self):
+        self.serve(self.work)
+        self.expect(self.client.send(0), SUCCEEDED)
+        self.server.need_to_terminate = True
+        self.server.execute_thread.join(10)
+        self.assertFalse(self.server.execute_thread.is_alive())
+        goal = self.client.send(0)
+        self.client.wait(lambda: goal in self.client.states, "the goal in the status")
+        self.assertEqual([0], self.started)
 
     def test_text_that_utf8_cannot_hold_is_escaped(self):
         self.serve(lambda goal: self.server.set_aborted(text="soap \udcff, größer"))
@@ -371,12 +411,18 @@ class TestRobustServer(unittest.TestCase):
 
     # Log
 
-    def test_log_names_the_action_at_start_goal_and_outcome(self):
-        self.serve(self.work)
-        self.expect(self.client.send(0), SUCCEEDED)
+    def test_log_names_the_action_at_start_and_outcome(self):
+        self.serve(lambda goal: self.server.set_aborted(text="out of soap"))
+        self.expect(self.client.send(0), ABORTED)
         self.wait_log(self.name + " waits for goals")
-        self.wait_log(self.name + ": goal accepted")
-        self.wait_log(self.name + ": goal SUCCEEDED: all done")
+        self.wait_log(self.name + ": goal ABORTED: out of soap")
+
+    def test_goal_that_succeeded_is_not_logged(self):
+        self.serve(lambda goal: self.server.set_aborted() if goal.number_of_minutes else self.server.set_succeeded())
+        self.expect(self.client.send(0), SUCCEEDED)
+        self.expect(self.client.send(1), ABORTED)
+        self.wait_log(self.name + ": goal ABORTED")
+        self.assertEqual([], [line.msg for line in self.log if self.name in line.msg and "SUCCEEDED" in line.msg])
 
 
 if __name__ == "__main__":

@@ -116,6 +116,34 @@ class TestServer(unittest.TestCase):
         self.interrupt()
         self.expect(client, goal, ABORTED, SHUTTING_DOWN + ": rinsed")
 
+    def test_execute_cb_that_raises_on_shutdown_is_logged(self):
+        self.start()
+        client = self.connect()
+        goal = self.send_active(client, 600)
+        self.interrupt()
+        self.expect(client, goal, ABORTED, SHUTTING_DOWN)
+        self.program.wait()
+        self.assertIn("ValueError: out of soap", self.program.stderr, self.program)
+
+    def test_loop_that_goes_on_keeps_its_pace(self):
+        self.start()
+        client = self.connect("second")
+        goal = self.send_active(client, 700)
+        begun = time.monotonic()
+        self.interrupt()
+        self.expect(client, goal, ABORTED, SHUTTING_DOWN)
+        self.assertGreater(time.monotonic() - begun, 0.4)
+
+    def test_goals_that_come_meanwhile_raise_nothing(self):
+        self.start()
+        client = self.connect()
+        self.interrupt()
+        while self.program.running():
+            client.send(1)
+            time.sleep(0.002)
+        self.program.wait()
+        self.assertNotIn("bad callback", self.program.stderr, self.program)
+
     def test_goal_that_does_not_stop_is_aborted_after_the_timeout(self):
         self.start()
         client = self.connect()
@@ -188,6 +216,25 @@ class TestClient(ScriptedCase):
         program.signal(signal.SIGINT)
         program.expect("^True PREEMPTED goal PREEMPTED: cancelled")
         program.wait()
+
+    def test_cancel_on_shutdown_waits_for_a_server_that_is_slow(self):
+        program = self.start("ACTIVE cancel 1.5 result:PREEMPTED", "cancels")
+        program.signal(signal.SIGINT)
+        program.expect("PREEMPTED goal PREEMPTED: cancelled")
+        program.wait()
+
+    def test_client_that_is_stopped_keeps_no_other_from_its_cancel(self):
+        program = self.start("ACTIVE cancel result:PREEMPTED", "stops_another")
+        program.signal(signal.SIGINT)
+        program.expect("PREEMPTED goal PREEMPTED: cancelled")
+        program.wait()
+
+    def test_shutdown_from_done_cb_waits_for_nothing(self):
+        program = self.start("ACTIVE 0.2 result:SUCCEEDED", "signals_shutdown")
+        program.expect("done_cb")
+        begun = time.monotonic()
+        self.assertEqual(0, program.wait(), program)
+        self.assertLess(time.monotonic() - begun, 1.7, "the outcome would be awaited for 2 s")
 
     def test_cancel_on_shutdown_with_a_frozen_server_is_lost(self):
         program = self.start("ACTIVE", "cancels")

@@ -1,8 +1,11 @@
 #!/usr/bin/env python3
-"""Sends a goal, waits and prints its state and get_failure(): shutdown_client.py SCRIPT cancels|default|leaves [HOOK]
+"""Sends a goal, waits and prints its state and get_failure(): shutdown_client.py SCRIPT HOW [HOOK]
 
-SCRIPT: what the scripted server does. cancels: with cancel_on_shutdown. leaves: ends when the goal is active. HOOK:
-seconds that a function given to rospy.on_shutdown takes.
+SCRIPT: what the scripted server does. HOOK: seconds that a function given to rospy.on_shutdown takes. HOW:
+* default: without cancel_on_shutdown. leaves: the same, and ends when the goal is active.
+* cancels: with cancel_on_shutdown.
+* stops_another: the same beside ten such clients with a goal whose action_client was stopped.
+* signals_shutdown: with cancel_on_shutdown, and done_cb calls rospy.signal_shutdown.
 """
 import contextlib
 import os
@@ -15,18 +18,29 @@ import rospy
 
 
 def main():
-    script, cancels, *hook = rospy.myargv()[1:]
+    script, how, *hook = rospy.myargv()[1:]
     rospy.init_node("shutdown_client", anonymous=True)
     if hook:
         rospy.on_shutdown(lambda: time.sleep(float(hook[0])) or os.write(1, b"hook ended\n"))
-    client = robust.SimpleActionClient("scripted", TestRequestAction, cancel_on_shutdown=cancels == "cancels")
+    clients = [robust.SimpleActionClient("scripted", TestRequestAction, cancel_on_shutdown=how not in (
+        "default", "leaves")) for _ in range(11 if how == "stops_another" else 1)]
+    client = clients.pop(5 if clients[5:] else 0)  # neither the first nor the last
     client.wait_for_server()
     active = threading.Event()
-    client.send_goal(TestRequestGoal(result_text=script), active_cb=active.set)
+
+    def done_cb(*_):
+        if how == "signals_shutdown":
+            print("done_cb", flush=True)
+            rospy.signal_shutdown("done")
+
+    for another in clients:
+        another.send_goal(TestRequestGoal(result_text="ACTIVE"))
+        another.action_client.stop()
+    client.send_goal(TestRequestGoal(result_text=script), done_cb, active.set)
     active.wait()
     with contextlib.suppress(AttributeError):  # of Debian 11's rospy, see harness.py
         print("active", flush=True)
-        if cancels == "leaves":
+        if how == "leaves":
             return
         client.wait_for_result()
     over = client.wait_for_result()

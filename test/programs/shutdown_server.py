@@ -11,6 +11,8 @@ A goal of n minutes stops when asked to, with n bowls. Others:
 * 300: it looks once in 10 ms whether it should stop, without a rate.
 * 400: it was asked to stop by a client, and does so only during the shutdown.
 * 500: it stops when the preempt callback is called.
+* 600: it raises when it should stop.
+* 700: it goes on for ten periods of 0.05 s when it should stop.
 """
 import os
 import sys
@@ -32,8 +34,16 @@ def work(server, minutes):
             time.sleep(0.01)
     elif minutes in (400, 500):
         (shutdown if minutes == 400 else preempted).wait()
+    elif minutes == 700:
+        rate = server.rate(20)
+        while rate.sleep():
+            pass
+        for _ in range(10):
+            rate.sleep()
     else:
         server.rate(0.01).sleep()
+        if minutes == 600:
+            raise ValueError("out of soap")
     result = WashTheDishesResult(["bowl-%d" % i for i in range(minutes % 100)])
     server.set_preempted(result, "rinsed" if minutes == 200 else "")
 

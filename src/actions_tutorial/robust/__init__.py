@@ -8,9 +8,14 @@ else actionlib has, robust has, too. doc/robust.md is the reference.
 
 Importing this module registers one function with rospy.on_shutdown, and changes nothing else. Import it before the
 program registers its own, so that goals are asked to stop first.
+
+Used of rospy though its documentation does not list it: a function that is given to rospy.on_shutdown during the
+shutdown is still called, after the others, since rospy does not copy its list of them.
 """
 import time
+import traceback
 
+import actionlib
 import rospy
 from actionlib import *  # noqa: F401, F403  # what is not replaced below
 
@@ -18,21 +23,32 @@ from . import client, server
 from .client import SimpleActionClient  # noqa: F401
 from .server import SimpleActionServer  # noqa: F401
 
-__version__ = "2.0.0"
+__all__ = [name for name in vars(actionlib) if not name.startswith("_")]
+__version__ = "2.1.0"
 
 
 def _on_shutdown() -> None:
     """Ask servers and clients to end their goals. The function that this one registers is called last, and waits for
     the outcomes, so the program's own functions are not delayed."""
-    waits: list = list(filter(None, [one._begin_shutdown() for one in [*server.servers, *client.clients]]))
+    all_of_them = [reference() for reference in [*server.servers.valuerefs(), *client.clients.valuerefs()]]
+    waits = [wait for wait in [_attempt(one._begin_shutdown) for one in all_of_them if one is not None] if wait]
 
     def wait_for_outcomes() -> None:
         for wait in waits:
-            wait()
+            _attempt(wait)
         time.sleep(0.1)  # rospy sends from threads of its own
 
     if waits:
         rospy.on_shutdown(wait_for_outcomes)
+
+
+def _attempt(function):
+    """Returns function(). If it raises, the traceback is logged, and the other goals are ended all the same."""
+    try:
+        return function()
+    except Exception:
+        server.log(rospy.logerr, "robust: the shutdown of a goal failed\n%s", traceback.format_exc())
+        return None
 
 
 rospy.on_shutdown(_on_shutdown)

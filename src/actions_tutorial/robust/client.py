@@ -1,14 +1,23 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""SimpleActionClient: no answer is missed, state, result and callbacks agree, and get_failure() says what went wrong.
+"""SimpleActionClient: no answer is missed, state, result and callbacks agree, and get_failure() says what failed.
 
-There is one object for each goal (_Goal). It is made before the goal is sent, so no answer comes too early, and an
-earlier goal cannot spoil a later one.
+For each goal there is one object (_Goal). It is made before the goal is sent, so no answer comes too early, and an
+earlier goal cannot spoil a later one. It is an actionlib.CommStateMachine, and client.gh is a ClientGoalHandle of it,
+as in actionlib.
 
-Used of actionlib though its documentation does not list it: simple_state and action_client of SimpleActionClient, and
-pub_goal, pub_cancel, ActionGoal, ActionResult and ActionFeedback of action_client. Of messages: _type, the type's name.
+Used of actionlib though its documentation does not list it:
+* of SimpleActionClient: action_client, gh, simple_state, done_condition, done_cb, active_cb and feedback_cb, since
+  programs read and set them.
+* of ActionClient: last_status_msg, pub_goal, pub_cancel, result_sub, feedback_sub, ActionGoal, and manager with its
+  list_mutex and statuses, in which a goal is registered for the answers.
+* of CommStateMachine: update_status, update_result, update_feedback and transition_to, which are overridden;
+  action_goal, state, latest_goal_status and latest_result, which a ClientGoalHandle reads.
+Of rospy: impl of a publisher or subscriber with has_connection, connections and callerid_pub, and _connection_header of
+a message, as actionlib's wait_for_server uses them; that one needs a clock. Of messages: _type, the type's name.
 
 Threads: answers come in rospy's, one for each topic of a server. They record the answer and call feedback_cb. A daemon
-thread for each goal calls active_cb and done_cb and watches for silence. No lock is held while a callback runs.
+thread that ends afterwards calls active_cb and done_cb. With heartbeat_timeout, one for each goal watches for silence.
+No lock is held while a callback runs.
 """
 from __future__ import annotations
 
@@ -25,18 +34,23 @@ from typing import Any, Callable, Optional, Union
 import actionlib
 import genpy
 import rospy
-from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
+from actionlib_msgs.msg import GoalID, GoalStatus
 
-from .server import STATE_NAMES
+from .server import STATE_NAMES, log
 
 Seconds = Union[genpy.Duration, float]
 
 UNLISTED_FOR = 1.0  # s for which a status no longer lists a goal that is then LOST
-CANCELLED_WITHIN = 1.0  # s from the cancel on shutdown to the outcome
+RESULT_WITHIN = 30.0  # s for the same if a status has shown the goal's terminal state: the result is on its way
+CANCELLED_WITHIN = 2.0  # s from the cancel on shutdown to the outcome
 SETTLED_AFTER = 0.2  # s for a new connection: rospy counts it a moment before messages pass
 _WAS_ACTIVE = {GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.PREEMPTED, GoalStatus.SUCCEEDED, GoalStatus.ABORTED}
+_COMM_STATES = {
+    GoalStatus.PENDING: actionlib.CommState.PENDING, GoalStatus.ACTIVE: actionlib.CommState.ACTIVE,
+    GoalStatus.RECALLING: actionlib.CommState.RECALLING, GoalStatus.PREEMPTING: actionlib.CommState.PREEMPTING}
 
-clients: weakref.WeakSet = weakref.WeakSet()  # all of this process
+clients: weakref.WeakValueDictionary = weakref.WeakValueDictionary()  # all of this process, by id()
+_process = uuid.uuid4().hex[:8]  # two nodes of one name may send in one moment of simulated time
 
 
 class SimpleActionClient(actionlib.SimpleActionClient):
@@ -46,7 +60,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     ActionSpec: its type, such as WashTheDishesAction.
     heartbeat_timeout: s without status or feedback about the goal after which it is LOST, and a cancel is sent in case
         the server still works. Only time that passes both on the ROS clock and in reality counts. None: no limit.
-    cancel_on_shutdown: whether the goal is cancelled when this node is shut down. The outcome is awaited for 1 s.
+    cancel_on_shutdown: whether the goal is cancelled when this node is shut down. The outcome is awaited for 2 s.
     Raises ValueError for a heartbeat_timeout that is not above 0.
     """
 
@@ -55,48 +69,53 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         if heartbeat_timeout is not None and not heartbeat_timeout > 0:
             raise ValueError("heartbeat_timeout is %r, must be above 0, or None" % heartbeat_timeout)
         super().__init__(ns, ActionSpec)
+        self.gh: Optional[actionlib.ClientGoalHandle]  # of the goal, None if there is none
+        self.done_cb: Optional[Callable[[int, Any], Any]] = None
+        self.active_cb: Optional[Callable[[], Any]] = None
+        self.feedback_cb: Optional[Callable[[Any], Any]] = None
         self.__name = rospy.resolve_name(ns)
         self.__heartbeat_timeout = heartbeat_timeout
         self.__cancel_on_shutdown = cancel_on_shutdown
-        self.__goal: Optional[_Goal] = None
-        self.__not_sent = "no goal was sent"
+        self.__no_server: Optional[str] = None  # why the last wait_for_server failed
         self.__is_settled = False  # wait_for_server has waited for SETTLED_AFTER
-        self.__changed = threading.Condition()
-        topic = rospy.remap_name(ns)
-        self.__subscribers = [
-            rospy.Subscriber(topic + "/status", GoalStatusArray, self.__on_status),
-            rospy.Subscriber(topic + "/feedback", self.action_client.ActionFeedback, self.__on_feedback),
-            rospy.Subscriber(topic + "/result", self.action_client.ActionResult, self.__on_result)]
-        clients.add(self)
+        clients[id(self)] = self
 
     def wait_for_server(self, timeout: Seconds = rospy.Duration()) -> bool:
-        """Wait until the server is connected. Every 5 s a line is logged that says what for.
+        """Wait until the server is connected. Every 5 s a warning is logged that says what for.
 
         timeout: rospy.Duration or s, in real time, also where time is simulated; 0: no limit.
         Returns whether it is connected: False after timeout and on shutdown. After a new connection it waits 0.2 s
         more, or the first feedback might be lost. Raises rospy.ROSInitException before rospy.init_node.
         """
-        seconds = timeout.to_sec() if isinstance(timeout, genpy.Duration) else timeout
-        begun, logged = time.monotonic(), 0.0
-        while True:
-            # A timeout in the past is a single look. Before simulated time begins there is no past.
-            if not rospy.get_rostime().is_zero() and self.action_client.wait_for_server(rospy.Duration(0, -1)):
-                if not self.__is_settled:
-                    time.sleep(SETTLED_AFTER)
-                self.__is_settled, self.__not_sent = True, "no goal was sent"
-                return True
+        rospy.get_rostime()  # raises that
+        seconds, begun, logged = _seconds(timeout), time.monotonic(), 0.0
+        while not self.__is_connected():
             self.__is_settled = False
             waited = time.monotonic() - begun
             if rospy.is_shutdown():
-                self.__not_sent = "interrupted while waiting for the server of %s" % self.__name
+                self.__no_server = "interrupted while waiting for the server of %s" % self.__name
                 return False
-            if seconds and waited >= seconds:
-                self.__not_sent = "no server of %s within %g s" % (self.__name, seconds)
+            if waited >= seconds:
+                self.__no_server = "no server of %s within %g s" % (self.__name, seconds)
                 return False
             if waited - logged >= 5:
                 logged = waited
-                rospy.loginfo("waiting for the server of %s for %d s", self.__name, waited)
+                log(rospy.logwarn, "waiting for the server of %s for %d s", self.__name, waited)
             time.sleep(0.01)
+        if not self.__is_settled:
+            time.sleep(SETTLED_AFTER)
+        self.__is_settled, self.__no_server = True, None
+        return True
+
+    def __is_connected(self):
+        """Returns whether the server that sent the last status has the other four topics, too."""
+        client = self.action_client
+        if not client.last_status_msg:
+            return False
+        server = client.last_status_msg._connection_header["callerid"]
+        return all(one.impl.has_connection(server) for one in (client.pub_goal, client.pub_cancel)) and all(
+            server in [connection.callerid_pub for connection in one.impl.connections]
+            for one in (client.result_sub, client.feedback_sub))
 
     def send_goal(self, goal: genpy.Message, done_cb: Optional[Callable[[int, Any], Any]] = None,
                   active_cb: Optional[Callable[[], Any]] = None,
@@ -107,30 +126,39 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         done_cb: called with the terminal state (GoalStatus) and the result. It may send the next goal and wait for it.
         active_cb: called when the server has accepted the goal.
         feedback_cb: called with each feedback.
+        These three are attributes of the client, too, which are read when a call is due.
         Raises TypeError for a message of another type, rospy.ROSSerializationException for one that cannot be sent.
         """
         action_goal = self.action_client.ActionGoal()
         if getattr(goal, "_type", None) != action_goal.goal._type:
             raise TypeError("the goal must be of type %s, not %s" % (
                 action_goal.goal._type, getattr(goal, "_type", type(goal).__name__)))
-        action_goal.goal_id = actionlib.GoalIDGenerator().generate_ID()
-        action_goal.goal_id.id += "-" + uuid.uuid4().hex[:8]  # two nodes of one name may send in one simulated moment
+        action_goal.goal_id = actionlib.GoalIDGenerator("%s_%s" % (rospy.get_name(), _process)).generate_ID()
         action_goal.header.stamp = action_goal.goal_id.stamp
         action_goal.goal = goal
         try:
             action_goal.serialize(io.BytesIO())  # rospy would leave half of it in front of the next message
         except Exception as error:
             raise rospy.ROSSerializationException(str(error)) from error
-        sent = _Goal(action_goal.goal_id.id, done_cb, active_cb, feedback_cb)
-        with self.__changed:
-            self.__goal = sent
+        sent = _Goal(self, action_goal)
+        gh = actionlib.ClientGoalHandle(sent)
+        with self.done_condition:
+            self.gh, self.done_cb, self.active_cb, self.feedback_cb = gh, done_cb, active_cb, feedback_cb
             self.simple_state = actionlib.SimpleGoalState.PENDING
-            self.__changed.notify_all()  # the thread of the goal before ends
+            self.__no_server = None
+            self.done_condition.notify_all()  # waits for the goal before it, and its _watch
+        manager = self.action_client.manager
+        with manager.list_mutex:
+            manager.statuses.append(weakref.ref(sent))
+        if self.__heartbeat_timeout:
+            with contextlib.suppress(RuntimeError):  # Python 3.12 and later start no thread at exit
+                threading.Thread(target=_watch, args=[weakref.ref(sent), self.done_condition, self.__heartbeat_timeout],
+                                 daemon=True).start()
         try:
-            threading.Thread(target=self.__follow, args=[sent], daemon=True).start()
-        except RuntimeError:  # Python 3.12 and later start no thread while the interpreter shuts down
-            sent.has_thread = False
-        self.action_client.pub_goal.publish(action_goal)
+            self.action_client.pub_goal.publish(action_goal)
+        except rospy.ROSException:  # the program has called action_client.stop()
+            self.stop_tracking_goal()
+            raise
 
     def send_goal_and_wait(self, goal: genpy.Message, execute_timeout: Seconds = rospy.Duration(),
                            preempt_timeout: Seconds = rospy.Duration()) -> int:
@@ -139,10 +167,11 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         execute_timeout, preempt_timeout: rospy.Duration or s, on the ROS clock; 0: no limit.
         Returns its state (GoalStatus). Raises what send_goal raises.
         """
+        execute_seconds, preempt_seconds = _seconds(execute_timeout), _seconds(preempt_timeout)
         self.send_goal(goal)
-        if not self.wait_for_result(execute_timeout):
+        if not self.wait_for_result(execute_seconds):
             self.cancel_goal()
-            self.wait_for_result(preempt_timeout)
+            self.wait_for_result(preempt_seconds)
         return self.get_state()
 
     def wait_for_result(self, timeout: Seconds = rospy.Duration()) -> bool:
@@ -151,198 +180,228 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         timeout: rospy.Duration or s, on the ROS clock; 0: no limit.
         Returns True when it is over, LOST included; False after timeout, on shutdown and without a goal.
         """
-        goal = self.__goal
+        seconds, goal, begun = _seconds(timeout), self.__goal, rospy.get_time()
         if not goal:
-            rospy.logerr("wait_for_result was called, and no goal was sent")
+            rospy.logerr("wait_for_result was called, and there is no goal")
             return False
-        timeout, begun = _duration(timeout), rospy.get_rostime()
-
-        def time_left() -> float:
-            nonlocal begun
-            if rospy.is_shutdown():
-                return 0
-            if timeout <= rospy.Duration():
-                return math.inf
-            now = rospy.get_rostime()
-            begun = now if begun.is_zero() else min(begun, now)  # simulated time may begin or be set back meanwhile
-            return (timeout - (now - begun)).to_sec()
-
-        if not goal.has_thread:
-            self.__follow(goal, time_left)
-        with self.__changed:
-            while not goal.is_over and time_left() > 0:
+        with self.done_condition:
+            while not goal.is_over:
+                now = rospy.get_time()
+                begun = min(begun or now, now)  # simulated time may begin or be set back meanwhile
+                left = seconds - (now - begun)
+                if left <= 0 or rospy.is_shutdown():
+                    break
                 # At most 0.1 s: the clock may be simulated, and a shutdown notifies nobody.
-                self.__changed.wait(min(0.1, time_left()))
-                if goal.outcome is None and goal is not self.__goal:  # another thread has sent the next one
-                    goal = self.__goal
+                self.done_condition.wait(min(0.1, left))
+                if goal.outcome is None:
+                    goal = self.__goal  # another thread may have sent the next one
                     if not goal:
                         return False
             return goal.is_over
+
+    @property
+    def __goal(self):
+        gh = self.gh
+        return gh.comm_state_machine if gh else None
 
     def get_state(self) -> int:
         """Returns the state of the goal (GoalStatus): PENDING or ACTIVE until outcome and result are there, then the
         terminal state; LOST if there is no goal."""
         goal = self.__goal
-        return goal.state if goal else GoalStatus.LOST
-
-    def get_result(self) -> Any:
-        """Returns the result, or None as long as there is none."""
-        goal = self.__goal
-        return goal.result if goal else None
-
-    def get_goal_status_text(self) -> str:
-        """Returns the server's last text about the goal or, if the goal is LOST, why."""
-        goal = self.__goal
-        return goal.text if goal else ""
+        if not goal:
+            return GoalStatus.LOST
+        if goal.outcome is not None:
+            return goal.outcome
+        return GoalStatus.ACTIVE if goal.was_active else GoalStatus.PENDING
 
     def get_failure(self) -> Optional[str]:
-        """Returns None if the goal SUCCEEDED, else one line: its state and the server's text, or why there is none."""
+        """Returns None if the goal SUCCEEDED, else one line: its state and the server's text, or why there is none.
+        If wait_for_server has failed since the goal was sent: why."""
         goal = self.__goal
-        if not goal:
-            return self.__not_sent
+        if self.__no_server or not goal:
+            return self.__no_server or "no goal was sent, or it is no longer tracked"
         if goal.outcome == GoalStatus.SUCCEEDED:
             return None
-        text = "no outcome so far" if goal.outcome is None else goal.text or "the server gave no reason"
-        return "goal %s: %s" % (STATE_NAMES.get(goal.state, goal.state), " ".join(text.split()))
-
-    def cancel_goal(self) -> None:
-        """Ask the server to stop the goal. Nothing is sent if it has a terminal state."""
-        goal = self.__goal
-        if goal and goal.outcome is None:
-            self.__send_cancel(goal)
-
-    def __send_cancel(self, goal):
-        with contextlib.suppress(rospy.ROSException):  # the program has called action_client.stop()
-            self.action_client.pub_cancel.publish(GoalID(id=goal.id))
-
-    def stop_tracking_goal(self) -> None:
-        """Forget the goal, which goes on. Its callbacks are not called any more."""
-        with self.__changed:
-            if self.__goal:
-                self.__goal.done_cb = self.__goal.active_cb = self.__goal.feedback_cb = None
-            self.__goal, self.__not_sent = None, "the goal is no longer tracked"
-            self.__changed.notify_all()
-
-    def __on_status(self, message):
-        goal = self.__goal
-        if not goal or goal.outcome is not None:
-            return
-        status = next((one for one in message.status_list if one.goal_id.id == goal.id), None)
-        if status:
-            goal.is_listed, goal.unlisted_since = True, None
-            self.__record_status(goal, status)
-        elif goal.is_listed:
-            now = time.monotonic()
-            goal.unlisted_since = goal.unlisted_since or now
-            if now - goal.unlisted_since >= UNLISTED_FOR:
-                self.__end(goal, GoalStatus.LOST, "the server no longer knows the goal")
-
-    def __on_feedback(self, message):
-        goal = self.__goal
-        if goal and goal.id == message.status.goal_id.id:
-            self.__record_status(goal, message.status)
-            _call(goal.feedback_cb, message.feedback)
-
-    def __on_result(self, message):
-        goal = self.__goal
-        if goal and goal.id == message.status.goal_id.id:
-            self.__end(goal, message.status.status, message.status.text, message.result)
-
-    def __record_status(self, goal, status):
-        """A terminal state (GoalStatus) is recorded with the result only."""
-        with self.__changed:
-            goal.silence = 0.0
-            if goal.outcome is None:
-                goal.text = status.text
-                if status.status in _WAS_ACTIVE and not goal.was_active:
-                    goal.was_active = True
-                    self.__changed.notify_all()
-
-    def __end(self, goal, outcome, text, result=None):
-        """Record a terminal state. Returns whether it is the first."""
-        with self.__changed:
-            if goal.outcome is not None:
-                return False
-            goal.was_active = goal.was_active or outcome in _WAS_ACTIVE
-            goal.text, goal.result, goal.outcome = text, result, outcome
-            self.__changed.notify_all()
-            return True
-
-    def __follow(self, goal, time_left=lambda: math.inf):
-        """Call the callbacks of a goal and watch for silence, until it is over, another is sent or no time is left."""
-        heartbeat = self.__heartbeat_timeout
-        tick = min(0.5, heartbeat / 4) if heartbeat else None if goal.has_thread else 0.1
-        real, ros = time.monotonic(), rospy.get_time()
-        while (goal is self.__goal or goal.outcome is not None) and not goal.is_over and time_left() > 0:
-            if goal.was_active and not goal.active_called:
-                goal.active_called = True
-                self.__show(goal, actionlib.SimpleGoalState.ACTIVE)
-                _call(goal.active_cb)
-            elif goal.outcome is not None:
-                _call(goal.done_cb, goal.outcome, goal.result)
-                self.__show(goal, actionlib.SimpleGoalState.DONE)
-                with self.__changed:
-                    goal.is_over = True
-                    self.__changed.notify_all()
-            else:
-                with self.__changed:
-                    if goal is self.__goal and goal.outcome is None and goal.was_active == goal.active_called:
-                        self.__changed.wait(tick)
-            if heartbeat:
-                real_before, ros_before, real, ros = real, ros, time.monotonic(), rospy.get_time()
-                with self.__changed:
-                    # At most two ticks count: this computer may have been asleep.
-                    goal.silence += max(0.0, min(real - real_before, ros - ros_before, 2 * tick))
-                    text = "server lost: silent for %.1f s (heartbeat_timeout is %g s)" % (goal.silence, heartbeat)
-                if goal.silence >= heartbeat and self.__end(goal, GoalStatus.LOST, text):
-                    self.__send_cancel(goal)  # in case the server is only asleep
-
-    def __show(self, goal, simple_state):
-        """Set simple_state, which is not documented, but some programs read it."""
-        with self.__changed:
-            if goal is self.__goal:
-                self.simple_state = simple_state
+        text = goal.latest_goal_status.text or "the server gave no reason"
+        if goal.outcome is None:
+            text = "no outcome so far"
+        state = self.get_state()
+        return "goal %s: %s" % (STATE_NAMES.get(state, state), " ".join(text.split()))
 
     def _begin_shutdown(self) -> Optional[Callable[[], None]]:
         """For the library: cancel the goal if that was asked for. Returns a function that waits for the outcome."""
         goal = self.__goal
-        if not self.__cancel_on_shutdown or not goal or goal.is_over:
+        if not self.__cancel_on_shutdown or not goal or goal.outcome is not None:
             return None
-        self.cancel_goal()
+        goal.send_cancel()
         deadline = time.monotonic() + CANCELLED_WITHIN
-        return lambda: self.__wait_for_outcome(goal, deadline)
 
-    def __wait_for_outcome(self, goal, deadline):
-        with self.__changed:
-            self.__changed.wait_for(lambda: goal.is_over, max(0, deadline - time.monotonic()))
-            self.__end(goal, GoalStatus.LOST, "a cancel was sent on shutdown, and no outcome came within %g s" %
-                       CANCELLED_WITHIN)
+        def wait() -> None:
+            with self.done_condition:
+                self.done_condition.wait_for(lambda: goal.is_over, max(0, deadline - time.monotonic()))
+            goal.lose("a cancel was sent on shutdown, and no outcome came within %g s" % CANCELLED_WITHIN)
+
+        return wait
 
 
-class _Goal:
-    """What is known of a goal that was sent. outcome is None until it has a terminal state; is_over becomes True when
-    done_cb has run after that."""
+class _Goal(actionlib.CommStateMachine):
+    """What is known of a goal that was sent. What actionlib's has, too, is what the server has said: a
+    ClientGoalHandle shows it. outcome, was_active and is_over are what the client shows."""
 
-    def __init__(self, goal_id, done_cb, active_cb, feedback_cb):
-        self.id, self.done_cb, self.active_cb, self.feedback_cb = goal_id, done_cb, active_cb, feedback_cb
-        self.outcome = self.result = None
-        self.text = ""
-        self.was_active = self.active_called = self.is_over = False
-        self.has_thread = True
+    def __init__(self, client, action_goal):
+        super().__init__(action_goal, None, None, None, self.send_cancel)
+        self.client, self.changed, self.id = client, client.done_condition, action_goal.goal_id.id
+        self.outcome = None  # the terminal state (GoalStatus), from when the result is there, too
+        self.was_active = False
+        self.is_over = False  # done_cb has run
+        self.active_called = self.done_called = self.is_calling = False
         self.is_listed = False  # a status has listed it
         self.unlisted_since = None  # time.monotonic() of the first status that did so no longer
         self.silence = 0.0  # s
 
-    @property
-    def state(self):
-        """The state that the program sees (GoalStatus)."""
-        if self.outcome is not None:
-            return self.outcome
-        return GoalStatus.ACTIVE if self.was_active else GoalStatus.PENDING
+    def is_current(self):
+        """Returns whether the client's callbacks are called for this goal."""
+        return self.client.gh is not None and self.client.gh.comm_state_machine is self
+
+    def send_cancel(self, goal_id=None):
+        """Send a cancel, unless the goal has an outcome. ClientGoalHandle.cancel() calls this, too, with the id."""
+        if self.outcome is None:
+            self.client.action_client.pub_cancel.publish(goal_id or GoalID(id=self.id))
+
+    def transition_to(self, state):
+        """Overrides actionlib's: ClientGoalHandle.cancel() has sent a cancel."""
+        if self.outcome is None:
+            self.state = state
+
+    def update_status(self, status_array):
+        """Overrides actionlib's: a status of the server has come."""
+        status = next((one for one in status_array.status_list if one.goal_id.id == self.id), None)
+        if status:
+            self.is_listed, self.unlisted_since = True, None
+            self.record(status)
+        elif self.is_listed and self.outcome is None:
+            now, seen = time.monotonic(), self.latest_goal_status.status
+            self.unlisted_since = self.unlisted_since or now
+            unlisted_for = now - self.unlisted_since
+            if seen in _COMM_STATES:
+                if unlisted_for >= UNLISTED_FOR:
+                    self.lose("the server no longer knows the goal")
+            else:
+                self.silence = 0.0  # the server lives
+                if unlisted_for >= RESULT_WITHIN:
+                    self.lose("the server reported %s, and no result came within %g s" % (
+                        STATE_NAMES.get(seen, seen), RESULT_WITHIN))
+
+    def update_feedback(self, action_feedback):
+        """Overrides actionlib's: feedback has come."""
+        if action_feedback.status.goal_id.id == self.id:
+            self.record(action_feedback.status)
+            if self.is_current():
+                _call(self.client.feedback_cb, action_feedback.feedback)
+
+    def update_result(self, action_result):
+        """Overrides actionlib's: a result has come."""
+        if action_result.status.goal_id.id == self.id:
+            self.end(action_result.status, action_result)
+
+    def record(self, status):
+        """Record a status (GoalStatus). A terminal state is an outcome only with the result."""
+        with self.changed:
+            self.silence = 0.0
+            # Feedback may be older than the last status.
+            if self.outcome is not None or self.latest_goal_status.status not in _COMM_STATES:
+                return
+            self.latest_goal_status = status
+            waits_for_ack = self.state == actionlib.CommState.WAITING_FOR_CANCEL_ACK
+            if not (waits_for_ack and status.status in (GoalStatus.PENDING, GoalStatus.ACTIVE)):
+                self.state = _COMM_STATES.get(status.status, actionlib.CommState.WAITING_FOR_RESULT)
+            self.was_active = self.was_active or status.status in _WAS_ACTIVE
+        self.call_back()
+
+    def lose(self, text):
+        """Record that the goal is LOST, and why. Returns whether it had no outcome before."""
+        return self.end(GoalStatus(self.action_goal.goal_id, GoalStatus.LOST, text), None)
+
+    def end(self, status, action_result):
+        """Record the outcome. Returns whether it is the first."""
+        with self.changed:
+            if self.outcome is not None:
+                return False
+            self.latest_goal_status, self.latest_result = status, action_result
+            self.outcome, self.state = status.status, actionlib.CommState.DONE
+            self.was_active = self.was_active or self.outcome in _WAS_ACTIVE
+        self.call_back()
+        return True
+
+    def call_back(self):
+        """Have active_cb and done_cb called as far as they are due."""
+        with self.changed:
+            if self.is_calling or not self.is_due():
+                return
+            self.is_calling = True
+        if self.client.active_cb or self.client.done_cb:
+            with contextlib.suppress(RuntimeError):  # Python 3.12 and later start no thread at exit
+                # A thread of its own, since done_cb may wait for the next goal.
+                threading.Thread(target=self.call_what_is_due, daemon=True).start()
+                return
+        self.call_what_is_due()
+
+    def is_due(self):
+        """Returns whether active_cb or done_cb is to be called."""
+        return self.was_active and not self.active_called or self.outcome is not None and not self.done_called
+
+    def call_what_is_due(self):
+        """Call active_cb, then done_cb, unless another goal was sent meanwhile."""
+        client = self.client
+        while True:
+            with self.changed:
+                is_current = self.is_current()
+                if not self.is_due():
+                    self.is_calling, self.is_over = False, self.done_called
+                    if self.is_over and is_current:
+                        client.simple_state = actionlib.SimpleGoalState.DONE
+                    self.changed.notify_all()
+                    return
+                if self.was_active and not self.active_called:
+                    self.active_called, call = True, [client.active_cb]
+                    if is_current:
+                        client.simple_state = actionlib.SimpleGoalState.ACTIVE
+                else:
+                    result = self.latest_result and self.latest_result.result
+                    self.done_called, call = True, [client.done_cb, self.outcome, result]
+            if is_current:
+                _call(*call)
 
 
-def _duration(timeout):
-    return timeout if isinstance(timeout, genpy.Duration) else rospy.Duration.from_sec(timeout)
+def _watch(goal_ref, changed, heartbeat):
+    """Watch for silence about a goal (weakref of a _Goal) until it is over, forgotten or, after heartbeat (s), LOST.
+    changed: the condition that is notified when the goal changes."""
+    tick = min(0.5, heartbeat / 4)
+    real, ros = time.monotonic(), rospy.get_time()
+    while True:
+        with changed:
+            changed.wait(tick)
+        goal = goal_ref()
+        if not goal or goal.outcome is not None or not goal.is_current():
+            return
+        real_before, ros_before, real, ros = real, ros, time.monotonic(), rospy.get_time()
+        with changed:
+            # At most two ticks count: this computer may have been asleep.
+            goal.silence += max(0.0, min(real - real_before, ros - ros_before, 2 * tick))
+            silence = goal.silence
+        if silence >= heartbeat:
+            with contextlib.suppress(rospy.ROSException):  # the program has called action_client.stop()
+                goal.send_cancel()  # in case the server is only asleep
+            goal.lose("server lost: silent for %.1f s (heartbeat_timeout is %g s)" % (silence, heartbeat))
+        del goal  # a client that nobody holds any more can go
+
+
+def _seconds(timeout):
+    """Returns a timeout (rospy.Duration or s) in s, math.inf for 0. Raises TypeError or ValueError for no number."""
+    seconds = timeout.to_sec() if isinstance(timeout, genpy.Duration) else timeout + 0.0
+    if math.isnan(seconds):
+        raise ValueError("the timeout is not a number")
+    return seconds or math.inf
 
 
 def _call(callback, *args):
@@ -351,4 +410,4 @@ def _call(callback, *args):
         if callback:
             callback(*args)
     except BaseException:
-        rospy.logerr("the callback %s failed\n%s", getattr(callback, "__name__", callback), traceback.format_exc())
+        log(rospy.logerr, "the callback %s failed\n%s", getattr(callback, "__name__", callback), traceback.format_exc())

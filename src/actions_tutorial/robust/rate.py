@@ -7,7 +7,7 @@ rospy.Rate's last_time and sleep_dur, which sleep() advances as rospy's own does
 """
 from __future__ import annotations
 
-from typing import Callable
+from typing import Any, Callable
 
 import rospy
 
@@ -15,28 +15,32 @@ _wakes = 0  # calls of wake()
 
 
 class Rate(rospy.Rate):
-    """A rospy.Rate whose sleep() ends early when should_stop() returns True.
+    """A rospy.Rate whose sleep() ends early when the goal should stop.
 
     hz: 1/s, on the ROS clock.
-    should_stop: asked when sleep() begins and after each wake(), with no lock held.
+    request: called when sleep() begins and after each wake(), with no lock held. Returns what asks the goal to stop,
+        another object for each request, or None.
     """
 
-    def __init__(self, hz: float, should_stop: Callable[[], bool]) -> None:
+    def __init__(self, hz: float, request: Callable[[], Any]) -> None:
         super().__init__(hz)
         self.last_time: rospy.Time
-        self._should_stop = should_stop
+        self._request, self._answered = request, None
 
     def sleep(self) -> bool:
         """Sleep until the end of the period. A late call does what rospy.Rate does. If the clock is set back, a new
         period begins.
 
-        Returns True at the end of the period, False at once when the goal should stop.
+        Returns True at the end of the period, False when the goal should stop: at once the first time for a request,
+        then at the end of each period, so that a loop that goes on, to slow down say, keeps its pace.
         """
         clock = rospy.rostime.get_rostime_cond()
         called = rospy.get_rostime()
         while True:
             seen = _wakes
-            if self._should_stop():
+            request = self._request()
+            if request is not None and request is not self._answered:
+                self._answered = request
                 return False
             with clock:
                 now = rospy.get_rostime()
@@ -48,7 +52,7 @@ class Rate(rospy.Rate):
                     self.last_time += self.sleep_dur
                     if called - self.last_time > self.sleep_dur * 2:  # too late to catch up
                         self.last_time = called
-                    return True
+                    return request is None
                 if seen == _wakes:
                     clock.wait(left.to_sec() if rospy.rostime.is_wallclock() else None)
 

@@ -2,22 +2,23 @@
 """SimpleActionServer: goals start at once, stop at once, and always reach a terminal state with a text.
 
 Used of actionlib though its documentation does not list it:
-* of SimpleActionServer: internal_goal_callback, internal_preempt_callback and executeLoop, which are overridden;
-  action_server, lock, execute_callback, execute_thread, need_to_terminate, preempt_callback, current_goal, next_goal,
-  new_goal, preempt_request. It offers no other way to start goals without a poll, or to end one that waits.
+* of SimpleActionServer: internal_goal_callback, internal_preempt_callback, executeLoop and need_to_terminate, which are
+  overridden; action_server, lock, execute_condition, execute_callback, execute_thread, preempt_callback, current_goal,
+  next_goal, new_goal, preempt_request. It offers no other way to start goals without a poll, or to end one that waits.
 * of ActionServer: initialize, publish_result, publish_feedback, internal_goal_callback and internal_cancel_callback,
   which are overridden; publish_status_async, ns, lock, started, status_list, status_timer, status_frequency,
   last_cancel, result_pub and the message types.
 * of ServerGoalHandle and StatusTracker: status_tracker, goal, status. They can be read while a callback of the program
   holds the lock.
 
-Threads: one for execute_cb; a rospy.Timer that publishes the status; one that ends the goals on shutdown; one, of all
-servers, that writes to the log. Goals and cancels come in rospy's. Order of the locks: action_server.lock, then lock.
+Threads: one for execute_cb; a rospy.Timer that publishes the status; one that ends the goals on shutdown. Goals and
+cancels come in rospy's. Order of the locks: action_server.lock, then lock. What is logged while they are held is
+written afterwards, by the same thread: see _ActionServer.locked().
 """
 from __future__ import annotations
 
+import contextlib
 import io
-import queue
 import threading
 import time
 import traceback
@@ -36,7 +37,7 @@ _WAITING = GoalStatus.PENDING, GoalStatus.RECALLING
 _RUNNING = GoalStatus.ACTIVE, GoalStatus.PREEMPTING
 STATE_NAMES = {value: name for name, value in vars(GoalStatus).items() if name.isupper()}
 
-servers: weakref.WeakSet = weakref.WeakSet()  # all of this process
+servers: weakref.WeakValueDictionary = weakref.WeakValueDictionary()  # all of this process, by id()
 
 
 class SimpleActionServer(actionlib.SimpleActionServer):
@@ -52,28 +53,36 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def __init__(self, name: str, ActionSpec: type, execute_cb: Optional[Callable[[Any], Any]] = None,
                  auto_start: bool = True, *, shutdown_timeout: float = 1.0) -> None:
-        self.__goal_came = threading.Event()
         if not 0 <= shutdown_timeout <= threading.TIMEOUT_MAX:
             raise ValueError("shutdown_timeout is %r, must be a number of seconds, 0 or more" % shutdown_timeout)
         # No execute_cb here: for one, actionlib would start a thread that polls.
         super().__init__(name, ActionSpec, execute_cb=None, auto_start=False)
         self.__shutdown_timeout = shutdown_timeout
-        self.__shutting_down = False
         self.__accepted_by = self.__ended_by = 0  # threads: the last to accept a goal, and the last to end one
         self.action_server = _ActionServer(
-            name, ActionSpec, self.internal_goal_callback, self.internal_preempt_callback, auto_start=False)
+            name, ActionSpec, self.internal_goal_callback, self.internal_preempt_callback)
         if execute_cb:
             self.execute_callback = execute_cb
             self.execute_thread = threading.Thread(target=self.executeLoop, daemon=True)
             self.execute_thread.start()
-        servers.add(self)
+        servers[id(self)] = self
         if auto_start:
             SimpleActionServer.start(self)
 
     def __del__(self) -> None:
-        """End the thread of execute_cb."""
-        self.need_to_terminate = True
-        self.__goal_came.set()
+        """Does nothing, unlike actionlib's, which joins the thread of execute_cb."""
+
+    @property
+    def need_to_terminate(self) -> bool:
+        """Whether no more goals are executed: some programs set it to end the thread of execute_cb."""
+        return self.__need_to_terminate
+
+    @need_to_terminate.setter
+    def need_to_terminate(self, value: bool) -> None:
+        self.__need_to_terminate = value
+        if value:
+            with self.lock:
+                self.execute_condition.notify_all()
 
     def start(self) -> None:
         """Serve goals from now on. A second call does nothing."""
@@ -81,25 +90,32 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def rate(self, hz: float) -> Rate:
         """Returns a rate for the work on a goal: a rospy.Rate whose sleep() returns True at the end of the period, and
-        False at once when the goal should stop: for a cancel, a newer goal or a shutdown.
+        False at once when the goal should stop: for a cancel, a newer goal or a shutdown. A loop that goes on then
+        sleeps its periods, and gets False at the end of each.
 
         hz: 1/s, on the ROS clock.
 
-        For servers with goal callbacks: if another thread has accepted a newer goal, sleep() returns False, too, and
-        the older goal is over. set_preempted and the others would end the newer one then.
+        For servers with goal callbacks: the rate belongs to the goal that runs when it is made. If another thread has
+        ended that goal or accepted a newer one, sleep() returns False, too: set_preempted and the others would end the
+        newer one.
         """
-        own, requested = self.__running_goal(), False  # the goal that the thread with this rate works on
+        own = self.__running_goal()  # the goal that the thread with this rate works on
+        belongs_to_all = own is None  # the rate was made before goals came
 
-        def should_stop() -> bool:
-            nonlocal own, requested
-            before, own = own, self.__running_goal()
-            was_requested, requested = requested, self.is_preempt_requested()
-            if requested:  # until the next goal: a loop that goes on when its goal is over sleeps again
-                return bool(own) or self.__shutting_down or not was_requested
-            return bool(before) and own is not before and \
-                threading.get_ident() not in (self.__accepted_by, self.__ended_by)
+        def request() -> Any:
+            nonlocal own
+            if self.action_server.is_shutting_down:
+                return SHUTTING_DOWN
+            if self.is_preempt_requested():
+                return self.current_goal
+            running = self.__running_goal()
+            if own and running is not own and threading.get_ident() not in (self.__accepted_by, self.__ended_by):
+                own = running if belongs_to_all else own
+                return self.current_goal
+            own = running
+            return None
 
-        return Rate(hz, should_stop)
+        return Rate(hz, request)
 
     def __running_goal(self):
         """Returns the goal that is active, or None. Needs no lock, unlike is_active()."""
@@ -108,14 +124,14 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def is_preempt_requested(self) -> bool:
         """Returns whether the goal should stop: for a cancel, a newer goal and, unlike in actionlib, a shutdown."""
-        return self.__shutting_down or super().is_preempt_requested()
+        return self.action_server.is_shutting_down or super().is_preempt_requested()
 
     def accept_new_goal(self) -> Any:
         """Accept the goal that waits. One that is active is PREEMPTED. For servers with goal callbacks.
 
         Returns the goal, or None if none waits, for instance since it was cancelled.
         """
-        with self.action_server.lock, self.lock:
+        with self.action_server.locked(), self.lock:
             if not self.new_goal:
                 return None
             if self.is_active():
@@ -123,7 +139,6 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             self.__accepted_by = threading.get_ident()
             goal = super().accept_new_goal()
         wake()
-        _log(rospy.loginfo, "%s: goal accepted", self.action_server.name)
         return goal
 
     def set_succeeded(self, result: Optional[genpy.Message] = None, text: str = "") -> None:
@@ -132,16 +147,18 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         result: None is an empty one. If it cannot be sent, the goal is ABORTED with the reason.
         text: for the client, by default "all done".
         """
-        self.__ended_by = threading.get_ident()
-        super().set_succeeded(result, text or "all done")
+        with self.action_server.locked():
+            self.__ended_by = threading.get_ident()
+            super().set_succeeded(result, text or "all done")
 
     def set_aborted(self, result: Optional[genpy.Message] = None, text: str = "") -> None:
         """End the goal ABORTED: the server could not do it.
 
         result: None is an empty one. text: for the client, by default "the server gave up".
         """
-        self.__ended_by = threading.get_ident()
-        super().set_aborted(result, text or "the server gave up")
+        with self.action_server.locked():
+            self.__ended_by = threading.get_ident()
+            super().set_aborted(result, text or "the server gave up")
 
     def set_preempted(self, result: Optional[genpy.Message] = None, text: str = "") -> None:
         """End the goal PREEMPTED, since it was asked to stop. During a shutdown it is ABORTED, "the server is shutting
@@ -149,10 +166,10 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
         result: None is an empty one. text: for the client, by default why the goal had to stop.
         """
-        with self.action_server.lock, self.lock:
+        with self.action_server.locked(), self.lock:
             self.__ended_by = threading.get_ident()
             cancelled = self.current_goal.get_goal_status().status == GoalStatus.PREEMPTING
-            if self.__shutting_down and not cancelled:
+            if self.action_server.is_shutting_down and not cancelled:
                 super().set_aborted(result, "%s: %s" % (SHUTTING_DOWN, text) if text else SHUTTING_DOWN)
             else:
                 why = "cancelled" if cancelled else \
@@ -190,7 +207,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def internal_goal_callback(self, goal: actionlib.ServerGoalHandle) -> None:
         """Overrides actionlib's: a goal has come. The last one wins, whatever its stamp."""
-        if self.__shutting_down:
+        if self.action_server.is_shutting_down:
             goal.set_canceled(None, SHUTTING_DOWN)
             return
         with self.lock:
@@ -200,7 +217,6 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             if older.get_goal() and older.get_goal_id().stamp > stamp:
                 older.get_goal_id().stamp = stamp  # since actionlib refuses a goal with an earlier stamp
             super().internal_goal_callback(goal)
-        self.__goal_came.set()
         wake()
 
     def internal_preempt_callback(self, goal: actionlib.ServerGoalHandle) -> None:
@@ -219,43 +235,48 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def executeLoop(self) -> None:
         """Overrides actionlib's, which polls: call execute_cb for each goal as soon as it has come."""
-        while not (self.__shutting_down or self.need_to_terminate):
-            self.__goal_came.wait()
-            self.__goal_came.clear()
-            while self.is_new_goal_available() and not self.__shutting_down:
-                goal = self.accept_new_goal()
-                if goal is not None:  # it may have been cancelled in between
-                    self.__execute(goal)
+        while True:
+            with self.lock:
+                self.execute_condition.wait_for(lambda: self.new_goal or self.__is_at_end())
+                if self.__is_at_end():
+                    return
+            goal = self.accept_new_goal()
+            if goal is not None:  # it may have been cancelled in between
+                self.__execute(goal)
+
+    def __is_at_end(self):
+        return self.need_to_terminate or self.action_server.is_shutting_down
 
     def __execute(self, goal):
         try:
             self.execute_callback(goal)
         except BaseException as error:  # SystemExit would end the thread
-            self.__abort(self.__failed("execute_cb", error))
+            with self.action_server.locked():
+                self.__abort(self.__failed("execute_cb", error))
         else:
-            if self.__abort("execute_cb returned without a terminal state"):
-                _log(rospy.logwarn, "%s: execute_cb returned without a terminal state", self.action_server.name)
+            with self.action_server.locked():
+                if self.__abort("execute_cb returned without a terminal state"):
+                    self.action_server.log(
+                        rospy.logwarn, "%s: execute_cb returned without a terminal state", self.action_server.name)
 
     def __abort(self, text):
         """Returns whether the goal was active still."""
-        with self.action_server.lock, self.lock:
-            was_active = self.is_active()
-            if was_active:
-                self.set_aborted(None, SHUTTING_DOWN if self.__shutting_down else text)
-            return was_active
+        was_active = self.is_active()
+        if was_active:
+            self.set_aborted(None, SHUTTING_DOWN if self.action_server.is_shutting_down else text)
+        return was_active
 
     def __failed(self, what, error):
         """Log the traceback of error. Returns a text for the client."""
-        _log(rospy.logerr, "%s: %s failed\n%s", self.action_server.name, what, traceback.format_exc())
+        self.action_server.log(
+            rospy.logerr, "%s: %s failed\n%s", self.action_server.name, what, traceback.format_exc())
         return "%s failed: %s" % (what, "".join(traceback.format_exception_only(type(error), error)).strip())
 
     def _begin_shutdown(self) -> Optional[Callable[[], None]]:
         """For the library: ask the goals to stop, without waiting. Returns a function that waits until they have
         reached a terminal state, or None if they have."""
-        self.__shutting_down = True
-        _log.close()
+        self.action_server.is_shutting_down = True
         wake()
-        self.__goal_came.set()
         if self.action_server.is_idle():
             return None
         deadline = time.monotonic() + self.__shutdown_timeout
@@ -269,7 +290,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def __end_goals(self, deadline):
         if self.action_server.lock.acquire(timeout=self.__shutdown_timeout):  # a callback may hold it
             try:
-                with self.lock:
+                with self.action_server.locked(), self.lock:
                     if self.new_goal:
                         self.__recall_next_goal(SHUTTING_DOWN)
                     if self.preempt_callback and self.is_active():
@@ -289,11 +310,42 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 class _ActionServer(actionlib.ActionServer):
     """The part that talks to the topics. Each terminal state of a goal goes through publish_result."""
 
+    def __init__(self, name, ActionSpec, goal_cb, cancel_cb):
+        super().__init__(name, ActionSpec, goal_cb, cancel_cb, auto_start=False)
+        self.is_shutting_down = False
+        self.depth, self.lines = 0, []  # of locked(): how often it is entered; [(function, its argument, …)]
+
+    @contextlib.contextmanager
+    def locked(self):
+        """Hold the lock. What is logged meanwhile is written after it is released."""
+        lines = []
+        try:
+            with self.lock:
+                self.depth += 1
+                try:
+                    yield
+                except rospy.ROSException:
+                    if not self.is_shutting_down:  # else the topics are closed
+                        raise
+                finally:
+                    self.depth -= 1
+                    if not self.depth:
+                        lines, self.lines = self.lines, []
+        finally:
+            for line in lines:
+                log(*line)
+
+    def log(self, write, *line):
+        """Have write(*line) called, such as rospy.loginfo. On shutdown only errors are logged: a node that was shut
+        down since another one took its name must not log, or the master would shut that one down, too."""
+        if write is rospy.logerr or not self.is_shutting_down:
+            self.lines.append((write,) + line)
+
     def start(self):
-        with self.lock:
+        with self.locked():
             if not self.started:  # a second start would publish each status twice
                 super().start()
-                rospy.loginfo("%s waits for goals", self.name)
+                self.log(rospy.loginfo, "%s waits for goals", self.name)
 
     def initialize(self):
         super().initialize()
@@ -311,32 +363,35 @@ class _ActionServer(actionlib.ActionServer):
             status.text = "cancelled before it was started"
         status.text = _escaped(status.text)
         try:
-            self.ActionResult(status=status, result=result).serialize(io.BytesIO())
+            _serialize(self.ActionResult(), status=status, result=result)
         except Exception as error:
             status.status = GoalStatus.ABORTED
             status.text = _escaped("the result cannot be sent: %s" % error)
             result = self.ActionResultType()
-        super().publish_result(status, result)
-        _log(rospy.loginfo, "%s: goal %s: %s", self.name, STATE_NAMES[status.status], status.text)
+        with self.locked():
+            super().publish_result(status, result)
+            self.log(rospy.logdebug if status.status == GoalStatus.SUCCEEDED else rospy.loginfo,
+                     "%s: goal %s: %s", self.name, STATE_NAMES[status.status], status.text)
 
     def publish_feedback(self, status, feedback):
         try:
-            self.ActionFeedback(status=status, feedback=feedback).serialize(io.BytesIO())  # as in publish_result
+            _serialize(self.ActionFeedback(), status=status, feedback=feedback)
         except Exception as error:
             raise rospy.ROSSerializationException(str(error)) from error
         super().publish_feedback(status, feedback)
 
     def internal_goal_callback(self, goal):
-        with self.lock:
+        with self.locked():
             if self.last_cancel > rospy.Time.now():  # the clock was set back
                 self.last_cancel = rospy.Time()
             super().internal_goal_callback(goal)
             is_new = bool(self.status_list) and self.status_list[-1].goal is goal
             if not is_new and any(one.goal and one.status.goal_id.id == goal.goal_id.id for one in self.status_list):
-                _log(rospy.logwarn, "%s: goal ignored: a goal with its id %r came before", self.name, goal.goal_id.id)
+                self.log(
+                    rospy.logwarn, "%s: goal ignored: a goal with its id %r came before", self.name, goal.goal_id.id)
 
     def internal_cancel_callback(self, goal_id):
-        with self.lock:
+        with self.locked():
             super().internal_cancel_callback(goal_id)
             self.last_cancel = min(self.last_cancel, rospy.Time.now())  # a stamp in the future cancels no later goals
 
@@ -368,41 +423,17 @@ class _ActionServer(actionlib.ActionServer):
                 self.lock.release()
 
 
-class _Log:
-    """Writes lines to rospy's log a moment later: a line takes longer than a first feedback, and must delay none."""
-
-    def __init__(self):
-        self._lines = queue.SimpleQueue()
-        self._lock = threading.Lock()
-        self._is_started = self._is_closed = False
-
-    def __call__(self, write, *line):
-        """Have write(*line) called, such as rospy.loginfo."""
-        if self._is_closed:
-            return
-        with self._lock:
-            if not self._is_started:
-                threading.Thread(target=self._run, daemon=True).start()
-                self._is_started = True
-        self._lines.put((write, line))
-
-    def close(self):
-        """Write no more. A node that was shut down since another one took its name must not log: the master would shut
-        that one down, too."""
-        self._is_closed = True
-
-    def _run(self):
-        while not self._is_closed:
-            write, line = self._lines.get()
-            time.sleep(0.02)
-            while not self._is_closed:
-                write(*line)
-                if self._lines.empty():
-                    break
-                write, line = self._lines.get()
+def log(write: Callable[..., None], *line: Any) -> None:
+    """Call write(*line), such as rospy.loginfo. What it raises, if stdout is closed say, must not affect a goal."""
+    with contextlib.suppress(Exception):
+        write(*line)
 
 
-_log = _Log()
+def _serialize(message, **fields):
+    """Serialize a message with these fields. rospy leaves half of one that it cannot send in front of the next one."""
+    for name, value in fields.items():
+        setattr(message, name, value)  # the constructor would replace None
+    message.serialize(io.BytesIO())
 
 
 def _escaped(text):
