@@ -40,24 +40,24 @@ def bowls(count):
     return ["bowl-%d" % i for i in range(count)]
 
 
-def eventually(condition, what, *concerned, timeout=50, news=None, pause=0.02):
-    """Wait until condition() is true. It is called every pause (s), and when news (threading.Condition) is notified.
+def eventually(condition, what, *shown, timeout=50, changed=None, pause=0.02):
+    """Wait until condition() is true. It is called every pause (s), and when changed (threading.Condition) is notified.
 
-    concerned: objects that the error shows. The wait ends when a Process among them has ended.
+    shown: objects that the error shows. The wait ends when a Process among them has ended.
     Returns what condition() returned. Raises AssertionError with what (str) after timeout (s).
     """
-    begun, news = time.monotonic(), news or threading.Condition()
-    with news:
+    begun, changed = time.monotonic(), changed or threading.Condition()
+    with changed:
         while True:
-            over = any(isinstance(one, Process) and one.over() for one in concerned)
+            ended = any(isinstance(one, Process) and one.has_ended() for one in shown)
             value = condition()
             if value:
                 return value
             waited = time.monotonic() - begun
-            if over or waited > timeout:
+            if ended or waited > timeout:
                 raise AssertionError("\n".join(
-                    ["expected: %s; not so after %.1f s" % (what, waited)] + [str(one) for one in concerned]))
-            news.wait(pause)
+                    ["expected: %s; not so after %.1f s" % (what, waited)] + [str(one) for one in shown]))
+            changed.wait(pause)
 
 
 # Processes
@@ -69,7 +69,7 @@ class Process:
     running_ones = set()
 
     def __init__(self, command, env=None, **popen):
-        self.command, self.lines, self._news, self.started = command, [], threading.Condition(), time.monotonic()
+        self.command, self.lines, self._changed, self.started = command, [], threading.Condition(), time.monotonic()
         options = dict({"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}, **popen)
         environment = dict(os.environ)
         environment.pop("PYTHONUNBUFFERED", None)  # or nobody would see that a flush is missing
@@ -86,28 +86,28 @@ class Process:
     def _read(self, name, pipe):
         with pipe:
             for text in pipe:
-                with self._news:
+                with self._changed:
                     self.lines.append((time.monotonic() - self.started, name, text.rstrip("\n")))
-                    self._news.notify_all()
+                    self._changed.notify_all()
 
-    def said(self, stream):
+    def output(self, stream):
         """Returns the text that came on "stdout" or "stderr" so far."""
         return "".join(text + "\n" for _, name, text in list(self.lines) if name == stream)
 
-    stdout = property(lambda self: self.said("stdout"))
-    stderr = property(lambda self: self.said("stderr"))
+    stdout = property(lambda self: self.output("stdout"))
+    stderr = property(lambda self: self.output("stderr"))
 
     def expect(self, pattern, timeout=50):
         """Wait until a line holds pattern (regex), also one that came earlier. Returns the match."""
         def match():
             return next(filter(None, (re.search(pattern, text) for _, _, text in self.lines)), None)
 
-        return eventually(match, "a line with /%s/" % pattern, self, timeout=timeout, news=self._news)
+        return eventually(match, "a line with /%s/" % pattern, self, timeout=timeout, changed=self._changed)
 
     def running(self):
         return self._popen.poll() is None
 
-    def over(self):
+    def has_ended(self):
         """Returns whether the process has ended and all its output is in lines."""
         return not self.running() and not any(reader.is_alive() for reader in self._readers)
 
@@ -243,7 +243,7 @@ def check_client(client, status, count):
 
 # Messages
 
-def is_heard(action, topics=("feedback", "result", "status")):
+def sends_here(action, topics=("feedback", "result", "status")):
     """Returns whether the server of action (str, with a slash at its end) sends those topics to this node. It is asked
     itself: a subscriber counts a connection before it is one, and messages sent by then are lost."""
     me = rospy.get_name()
@@ -260,7 +260,7 @@ def is_heard(action, topics=("feedback", "result", "status")):
 def wait_connected(client, ns="wash_dishes_as"):
     """Wait until the messages of a client of actionlib's or robust's go both ways. ns: the action's name."""
     assert client.wait_for_server(rospy.Duration(50)), "expected a server of %s" % ns
-    eventually(lambda: is_heard(rospy.resolve_name(ns) + "/"), "a server of %s that sends to this node" % ns)
+    eventually(lambda: sends_here(rospy.resolve_name(ns) + "/"), "a server of %s that sends to this node" % ns)
 
 
 class RawClient:
@@ -276,7 +276,7 @@ class RawClient:
     def __init__(self, namespace="", topics=("goal", "cancel", "feedback", "result", "status")):
         # Here, since checks/ use this file outside of a workspace.
         from actions_tutorial import msg
-        self.namespace, self.action, self.news = namespace, namespace + "/wash_dishes_as/", threading.Condition()
+        self.namespace, self.action, self.changed = namespace, namespace + "/wash_dishes_as/", threading.Condition()
         self.feedback, self.results, self.states, self.times, self.active_at_once = {}, {}, {}, {}, 0
         self.status, self._goal = GoalStatusArray(), msg.WashTheDishesActionGoal
         self.publishers = {topic: rospy.Publisher(self.action + topic, kind, queue_size=1000) for topic, kind in (
@@ -293,7 +293,7 @@ class RawClient:
     def connected(self):
         """Returns whether messages go both ways."""
         ends = [*self.publishers.values(), *self.subscribers.values()]
-        return all(end.get_num_connections() for end in ends) and is_heard(self.action, self.subscribers)
+        return all(end.get_num_connections() for end in ends) and sends_here(self.action, self.subscribers)
 
     def wait_connected(self, *processes):
         """Wait until messages go both ways. processes: shown if they do not. -> self"""
@@ -320,7 +320,7 @@ class RawClient:
 
     def wait(self, condition, what, timeout=50):
         """Wait until condition() is true. Returns its value; AssertionError with what (str) and all that came."""
-        return eventually(condition, what, self, timeout=timeout, news=self.news, pause=0.1)
+        return eventually(condition, what, self, timeout=timeout, changed=self.changed, pause=0.1)
 
     def wait_bowls(self, goal_id, count):
         """Wait for count bowls of feedback."""
@@ -353,14 +353,14 @@ class RawClient:
 
     def _keep(self, where, message, event):
         now, goal_id = time.monotonic(), message.status.goal_id.id
-        with self.news:
+        with self.changed:
             self.times.setdefault((goal_id, event), now)
             where.setdefault(goal_id, []).append(message)
-            self.news.notify_all()
+            self.changed.notify_all()
 
     def _on_status(self, message):
         now = time.monotonic()
-        with self.news:
+        with self.changed:
             self.status = message
             for status in message.status_list:
                 seen = self.states.setdefault(status.goal_id.id, [])
@@ -369,10 +369,10 @@ class RawClient:
                     seen.append(status.status)
             self.active_at_once = max(self.active_at_once, sum(
                 status.status in (ACTIVE, PREEMPTING) for status in message.status_list))
-            self.news.notify_all()
+            self.changed.notify_all()
 
     def __str__(self):
-        with self.news:
+        with self.changed:
             last = list(dict.fromkeys([*self.states, *self.feedback, *self.results]))[-5:]
             lines = ["last status of %.2f s" % self.status.header.stamp.to_sec()]
             return "\n".join(lines + ["%s: states %s, bowls %s, results %s" % (
@@ -387,21 +387,21 @@ class SimulatedClock:
     """A /clock that stands still unless the test turns it. now: rospy.Time."""
 
     def __init__(self):
-        self._here, self._news = None, threading.Condition()
+        self._here, self._changed = None, threading.Condition()
         self._publisher = rospy.Publisher("/clock", Clock, queue_size=100, latch=True)
         self._subscriber = rospy.Subscriber("/clock", Clock, self._follow)  # called after rospy's own, which came first
         self.set(rospy.Time(int(time.time() % 1e6) * 1000))  # later than the clock of an earlier test
 
     def _follow(self, message):
-        with self._news:
+        with self._changed:
             self._here = message.clock
-            self._news.notify_all()
+            self._changed.notify_all()
 
     def set(self, now):
         """Set the clock to now (rospy.Time): in this process at once, in other nodes soon."""
         self.now = now
         self._publisher.publish(now)
-        eventually(lambda: self._here == now, "a /clock that comes back", news=self._news)
+        eventually(lambda: self._here == now, "a /clock that comes back", changed=self._changed)
 
     def turn(self, seconds, client=None):
         """Turn the clock on by seconds. client: a RawClient, to wait for the server's next status (0.25 s or more)."""

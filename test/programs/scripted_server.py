@@ -32,7 +32,7 @@ class ScriptedServer:
 
     def __init__(self, name="scripted"):
         self.listed, self.cancelled, self.went, self.beats = {}, set(), [], True  # listed: {id: GoalStatus}
-        self.news = threading.Condition()
+        self.changed = threading.Condition()
         self.status_pub = rospy.Publisher(name + "/status", GoalStatusArray, queue_size=1000, latch=True)
         self.result_pub = rospy.Publisher(name + "/result", TestRequestActionResult, queue_size=1000)
         self.feedback_pub = rospy.Publisher(name + "/feedback", TestRequestActionFeedback, queue_size=1000)
@@ -43,23 +43,23 @@ class ScriptedServer:
         rospy.Timer(rospy.Duration(0.1), lambda _: self.beats and self.publish_status())
 
     def on_goal(self, goal):
-        with self.news:
+        with self.changed:
             self.beats = True  # whatever the goal before has left
             self.listed = {one: status for one, status in self.listed.items() if status.status in RUNNING}
         threading.Thread(target=self.run, args=[goal], daemon=True).start()
 
     def on_cancel(self, goal_id):
-        with self.news:
+        with self.changed:
             self.cancelled.add(goal_id.id)
-            self.news.notify_all()
+            self.changed.notify_all()
 
     def on_go(self, message):
-        with self.news:
+        with self.changed:
             self.went.append(message.data)
-            self.news.notify_all()
+            self.changed.notify_all()
 
     def publish_status(self, *statuses):
-        with self.news:
+        with self.changed:
             message = GoalStatusArray(status_list=list(statuses or self.listed.values()))
             message.header.stamp = rospy.Time.now()
             self.status_pub.publish(message)
@@ -81,9 +81,9 @@ class ScriptedServer:
                 self.beats = False
             elif word in ("cancel", "go"):
                 goes += word == "go"
-                with self.news:
-                    self.news.wait_for(lambda: goal_id.id in self.cancelled if word == "cancel" else
-                                       self.went.count(goal_id.id) >= goes)
+                with self.changed:
+                    self.changed.wait_for(lambda: goal_id.id in self.cancelled if word == "cancel" else
+                                          self.went.count(goal_id.id) >= goes)
             elif kind == "text":
                 text = state.replace("_", "\n")
             elif state.isupper():
