@@ -48,13 +48,6 @@ class TestRobustClient(ScriptedCase):
         self.client.send_goal(goal)
         self.expect(SUCCEEDED, 2)
 
-    def test_ids_are_unique(self):
-        self.connect()
-        for _ in range(3):
-            self.send("result:SUCCEEDED")
-            self.expect(SUCCEEDED)
-        self.eventually(lambda: len({goal.goal_id.id for goal in self.goals}) == 3, "three ids")
-
     def test_id_has_three_parts_the_last_one_the_stamp(self):
         self.connect()
         self.send("result:SUCCEEDED")
@@ -211,22 +204,6 @@ class TestRobustClient(ScriptedCase):
         self.expect(SUCCEEDED)
         self.assertEqual([(SUCCEEDED, 8, SUCCEEDED, 8)], self.done)
 
-    def test_callback_that_raises_is_logged_and_spoils_nothing(self):
-        self.connect()
-        for callback in "active_cb", "feedback_cb", "done_cb":
-            for error in ValueError, SystemExit:
-                self.setUp()
-
-                def broken(*_):
-                    raise error("of %s" % callback)
-
-                self.send("ACTIVE feedback 0.1 result:SUCCEEDED 0.1 feedback", 9, **{callback: broken})
-                self.expect(SUCCEEDED, 9)
-                self.wait_log("%s: of %s" % (error.__name__, callback))
-                if callback != "feedback_cb":
-                    self.eventually(lambda: len(self.feedback) == 2, "two times feedback")
-                self.assertEqual((callback != "done_cb", callback != "active_cb"), (bool(self.done), bool(self.active)))
-
     def test_done_cb_sends_the_next_goal_and_waits_for_it(self):
         self.connect()
 
@@ -240,34 +217,12 @@ class TestRobustClient(ScriptedCase):
         self.assertEqual([(SUCCEEDED, 2), "waited"], self.done)
         self.expect(SUCCEEDED, 2)
 
-    def test_feedback_after_the_result_is_delivered(self):
+    def test_cancel_names_its_goal(self):
         self.connect()
-        self.send("ACTIVE result:SUCCEEDED 0.3 feedback")
-        self.expect(SUCCEEDED)
-        self.eventually(lambda: self.feedback, "feedback")
-
-    def test_earlier_goal_cannot_spoil_the_next(self):
-        self.connect()
-        older = []
-        self.send("ACTIVE go feedback PREEMPTED result:PREEMPTED", 1, done_cb=lambda *_: older.append("done"),
-                  feedback_cb=lambda _: older.append("feedback"))
-        self.wait_state(ACTIVE)
-        self.send("ACTIVE go 0.2 result:SUCCEEDED", 2)
-        self.wait_state(ACTIVE)
-        self.go()
-        self.expect(SUCCEEDED, 2)
-        self.assertEqual(([(SUCCEEDED, 2)], [], []), (self.done, self.feedback, older))
-
-    def test_cancel_names_the_goal_and_after_its_end_is_not_sent(self):
-        self.connect()
-        self.send("ACTIVE cancel result:PREEMPTED", 3)
-        self.client.cancel_goal()
-        self.expect(PREEMPTED, 3)
-        self.client.cancel_goal()
-        self.send("cancel result:RECALLED")
-        self.client.cancel_goal()
-        self.expect(RECALLED)
-        self.eventually(lambda: len(self.cancels) >= 2, "two cancels")
+        for words in "ACTIVE cancel result:PREEMPTED", "cancel result:RECALLED":
+            self.send(words)
+            self.client.cancel_goal()
+            self.assertTrue(self.client.wait_for_result(30))
         self.assertEqual([goal.goal_id.id for goal in self.goals], [cancel.id for cancel in self.cancels])
 
     def test_stop_tracking_goal_forgets_it_and_it_goes_on(self):
@@ -347,13 +302,6 @@ class TestRobustClient(ScriptedCase):
                 print("raised")""")
         self.assertEqual("raised\n", output)
 
-    def test_wait_for_server_takes_seconds_and_durations(self):
-        nobody, begun = robust.SimpleActionClient("nobody", TestRequestAction), time.monotonic()
-        for timeout in 0.3, rospy.Duration(0.3):
-            self.assertFalse(nobody.wait_for_server(timeout))
-        self.assertGreater(time.monotonic() - begun, 0.6)
-        self.assertLess(time.monotonic() - begun, 5)
-
     # A lost server
 
     def test_silence_of_heartbeat_timeout_is_lost_with_text(self):
@@ -408,13 +356,6 @@ class TestRobustClient(ScriptedCase):
         for wrong in 0, -1, float("nan"):
             with self.assertRaises(ValueError):
                 robust.SimpleActionClient("scripted", TestRequestAction, heartbeat_timeout=wrong)
-
-    def test_goal_no_longer_listed_is_lost_and_no_cancel_sent(self):
-        self.connect()
-        self.send("ACTIVE unlisted")
-        self.expect(LOST)
-        self.assertEqual("the server no longer knows the goal", self.client.get_goal_status_text())
-        self.assertEqual(([(LOST, None)], []), (self.done, self.cancels))
 
     def test_goal_that_is_listed_again_soon_is_not_lost(self):
         self.connect()
