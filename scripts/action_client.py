@@ -15,7 +15,7 @@ def feedback_cb(msg):
 
 
 def call_server(number_of_minutes):
-    """Send a goal and wait until it is over. Returns its result, its state (GoalStatus) and the server's text."""
+    """Send a goal and wait for its outcome. Returns its result, its state (GoalStatus) and the server's text."""
     # Step 2: a client of the action, by its name and type.
     client = actionlib.SimpleActionClient("wash_dishes_as", WashTheDishesAction)
     # Step 3: what is sent before the server is connected would be lost.
@@ -24,9 +24,9 @@ def call_server(number_of_minutes):
     goal = WashTheDishesGoal()
     goal.number_of_minutes = number_of_minutes
     client.send_goal(goal, feedback_cb=feedback_cb)
-    # Step 5: wait until the goal is over. feedback_cb is called meanwhile, in another thread.
+    # Step 5: wait for the outcome. Meanwhile feedback_cb is called, in another thread.
     client.wait_for_result()
-    # Step 6: the result. The state says whether it is whole.
+    # Step 6: the result. Unless the state is SUCCEEDED, it may be partial.
     return client.get_result(), client.get_state(), client.get_goal_status_text()
 
 
@@ -44,7 +44,8 @@ def main():
     if result is not None:
         print("The result is: %s" % result, flush=True)
     if state != GoalStatus.SUCCEEDED:
-        print("%s: %s" % (GoalStatus.to_string(state), text), file=sys.stderr)
+        name = GoalStatus.to_string(state)
+        print("%s: %s" % (name, text) if text else name, file=sys.stderr)
         return 1
     return 0
 

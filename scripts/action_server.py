@@ -16,13 +16,13 @@ class ActionServer:
         rospy.loginfo("wash_dishes_as waits for goals")
 
     def execute_cb(self, goal):
-        """Wash goal.number_of_minutes bowls. Called in a thread of the server's, with one goal after the other."""
+        """Wash goal.number_of_minutes bowls. Called in a thread of its own, with one goal at a time."""
         if goal.number_of_minutes < 0:
             self.a_server.set_aborted(text="number_of_minutes is %d, must be 0 or more" % goal.number_of_minutes)
             return
         result = WashTheDishesResult()  # a new one for each goal: two goals must not share a message
         feedback = WashTheDishesFeedback()
-        rate = rospy.Rate(1)  # once a second: nothing is really washed, so a minute need not last longer
+        rate = rospy.Rate(1)  # once a second: a "minute" lasts a second here, to save time
         for minute in range(goal.number_of_minutes):
             if self.a_server.is_preempt_requested():  # a cancel or a newer goal
                 self.a_server.set_preempted(result)
