@@ -1,10 +1,11 @@
 """Types each page from top to bottom, in real terminals, and compares the output with what the page shows.
 
-In a ```console block, `# Terminal N` names the terminal of what follows; lines below `# By hand` are not typed. `$ `
-begins a command, `^C` is Ctrl-C, TAB and BACKSPACE are keys. The other lines are output, in which … stands for anything
-within a line and, alone on a line, for any lines. Output that the page does not show is a difference, too. A block of
-another kind below "Save this … `~/FILE`:" is saved; below "Change … `~/FILE`:" it is a diff, with … between two places.
-Folded solutions (<details>) are typed like everything else. Each page has a home and a master of its own.
+In a ```console block, `# Terminal N` names the terminal of what follows. `$ ` begins a command, `^C` is Ctrl-C, TAB and
+BACKSPACE are keys. The other lines are output, in which … stands for anything within a line and, alone on a line, for any
+lines. Output that the page does not show is a difference, too, but not between ^C and the next command in the terminal.
+A block below the line `<!-- not typed -->` is for people only. A block of another kind below "Save this … `~/FILE`:" is
+saved; below "Change … `~/FILE`:" it is a diff, with … between two places. Folded solutions (<details>) are typed like
+everything else. Each page has a home and a master of its own.
 """
 import contextlib
 import difflib
@@ -40,19 +41,21 @@ def steps_of(page):
     steps = []
     for first, language, above, text in blocks_of(page):
         edit, terminals = EDIT.search(above), None
+        if above == "<!-- not typed -->":
+            continue
         if edit:
             steps.append(edit.groups() + (text,))
         for number, line in enumerate(text.splitlines() if language == "console" else [], first + 1):
-            if re.match("# (Terminals? |By hand)", line):
+            if re.match("# Terminals? ", line):
                 terminals, block = re.findall(r"\b\d\b", line.split(":")[0]), []
                 continue
-            assert terminals is not None, "line %d: neither `# Terminal N` nor `# By hand` begins this block" % number
+            assert terminals is not None, "line %d: no `# Terminal N` begins this block" % number
             typed = re.match(r"\$ |\^C|(TAB|BACKSPACE)\b", line)
             if typed or not block:
                 block = [types.SimpleNamespace(terminal=terminal, number=number, typed=line if typed else "", shown=[])
                          for terminal in terminals]
                 steps += block
-            for step in block if not typed or line.startswith("^C") else []:
+            for step in [] if typed else block:
                 step.shown.append(line)
     return steps
 
@@ -81,7 +84,8 @@ class Terminal:
         # Dumb and wide: readline then shows a command on one line, whatever its length.
         self.shell = pexpect.spawn("/bin/bash", cwd=ROOT, env=environment, dimensions=(50, 1000), encoding="utf-8",
                                    codec_errors="replace")
-        self.all, self.text, self.any_more = everyone, "", False  # text: what came and was not looked at yet
+        self.all, self.text = everyone, ""  # text: what came and was not looked at yet
+        self.any_more, self.stopped = False, False  # stopped: ^C was typed, and no command since
 
     def wait(self, happened, limit=LIMIT):
         """Read all terminals until happened(), at most limit s. Returns whether it has."""
@@ -108,17 +112,21 @@ class Terminal:
         completes = typed.endswith(" TAB")
         if typed != step.typed:
             self.finish(step)
-        if typed.startswith("^C"):
+        if typed == "^C":
             self.shell.send("\x03")
+            self.stopped = True
+            self.finish(step, "^C")
         elif typed:
+            self.stopped = False
             keys = re.sub(r"(?<!\S)(TAB|BACKSPACE)(?: |$)", lambda match: KEYS[match.group(1)], typed)
             self.shell.send(keys + ("" if completes else "\n"))
             if not completes:
                 assert self.wait(lambda: "\n" in self.text), "line %d: no echo of what was typed" % step.number
                 self.text = self.text.partition("\n")[2]
 
-        before, self.any_more = self.any_more, step.shown[-1:] == ["…"]
-        lines = ["…"] * before + step.shown[:len(step.shown) - self.any_more]
+        before, etc = self.any_more or self.stopped, step.shown[-1:] == ["…"]
+        self.any_more = etc or self.stopped
+        lines = ["…"] * before + step.shown[:len(step.shown) - etc]
         pattern = "".join(map(pattern_of, lines))
         if returns and not self.any_more:
             pattern += r"(?=\s*%s)" % PROMPT
@@ -132,11 +140,12 @@ class Terminal:
             self.differs(step, step.shown, came())
         self.text = came()[match.end():]
 
-    def finish(self, step):
-        """Wait for the end of the command before the step, and that no more came than the page shows."""
-        if not self.wait(lambda: PROMPT in self.text):
-            self.differs(step, ["the end of the command before it"], self.text)
-        rest, _, self.text = self.text.partition(PROMPT)
+    def finish(self, step, mark=PROMPT):
+        """Wait for the mark (str), by default the end of the command before the step; no more may have come than the
+        page shows."""
+        if not self.wait(lambda: mark in self.text):
+            self.differs(step, [mark.strip()], self.text)
+        rest, _, self.text = self.text.partition(mark)
         if rest.strip() and not self.any_more:
             self.differs(step, [], rest)
         self.any_more = False
