@@ -1,8 +1,8 @@
 """What the pages say, without typing it: links, quotes, README.md's states and pictures, the layout.
 
 A block of code is quoted from the file that is linked last in the line above it, or else from the file of the block
-before it. "The whole file [NAME](PATH):" stands above a block that has all of it. Otherwise … on a line stands for lines
-left out. typed_pages_test.py tries the blocks that a reader saves.
+before it. "The whole file [NAME](PATH):" stands above a block that has all of it; in others … on a line stands for
+lines left out. typed_pages_test.py tries the blocks that a reader saves.
 """
 import difflib
 import json

@@ -1,11 +1,11 @@
 """Types each page from top to bottom, in real terminals, and compares the output with what the page shows.
 
 In a ```console block, `# Terminal N` names the terminal of what follows. `$ ` begins a command, `^C` is Ctrl-C, TAB and
-BACKSPACE are keys. The other lines are output, in which … stands for anything within a line and, alone on a line, for any
-lines. Output that the page does not show is a difference, too, but not between ^C and the next command in the terminal.
-A block below the line `<!-- not typed -->` is for people only. A block of another kind below "Save this … `~/FILE`:" is
-saved; below "Change … `~/FILE`:" it is a diff, with … between two places. Folded solutions (<details>) are typed like
-everything else. Each page has a home and a master of its own.
+BACKSPACE are keys. The other lines are output, in which … stands for anything within a line and, alone on a line, for
+any lines. Output that the page does not show is a difference, too, but after ^C it may be anything until the next
+command in that terminal. A block below the line `<!-- not typed -->` is for people only. A block of another kind below
+"Save this … `~/FILE`:" is saved; below "Change … `~/FILE`:" it is a diff, with … between two places. Folded solutions
+(<details>) are typed like everything else. Each page has a home and a master of its own.
 """
 import contextlib
 import difflib
