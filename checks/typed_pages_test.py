@@ -5,7 +5,8 @@ BACKSPACE are keys. The other lines are output, in which … stands for anything
 any lines. Output that the page does not show is a difference, too, but after ^C it may be anything until the next
 command in that terminal. A block below the line `<!-- not typed -->` is for people only. A block of another kind below
 "Save this … `~/FILE`:" is saved; below "Change … `~/FILE`:" it is a diff, with … between two places. Folded solutions
-(<details>) are typed like everything else. Each page has a home and a master of its own.
+(<details>) are typed like everything else. Each page has a home and a master of its own; a sequel is typed in the home
+of the page before it.
 """
 import contextlib
 import difflib
@@ -33,6 +34,7 @@ NOISE = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]|\x1b\][^\x07]*\x07|\x07|\r(?=\n)"
                    r"|\[ERROR\] .*: Got a transition callback on .*\n"
                    r"|waiting for another \./tutorial …\r?\n|\(actions_tutorial\) (?=%s)" % PROMPT)
 KEYS = {"TAB": "\t", "BACKSPACE": "\x7f"}
+SEQUELS = {"README.md": "doc/robust.md"}
 
 
 def steps_of(page):
@@ -186,17 +188,24 @@ def make_home(home, port):
     return environment
 
 
-@pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize("page", [page for page in PAGES if page not in SEQUELS.values()])
 def test_typed_page(page, tmp_path):
-    terminals, steps = {}, steps_of(page)
     with contextlib.ExitStack() as stack:
         stack.callback(shutil.rmtree, str(tmp_path))
         bound = stack.enter_context(bound_socket())
         environment = make_home(str(tmp_path), bound.getsockname()[1])
+        for part in filter(None, [page, SEQUELS.get(page)]):
+            type_page(part, tmp_path, environment)
+
+
+def type_page(page, home, environment):
+    """Do what a reader of the page (str) does, in new terminals. home: pathlib.Path"""
+    terminals, steps = {}, steps_of(page)
+    with contextlib.ExitStack() as stack:
         for number, step in enumerate(steps, 1):
             if isinstance(step, tuple):
                 how, file, text = step
-                edit(how, tmp_path / file, text)
+                edit(how, home / file, text)
                 continue
             if step.terminal not in terminals:
                 terminals[step.terminal] = Terminal(terminals, environment)
