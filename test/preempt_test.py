@@ -1,48 +1,43 @@
 #!/usr/bin/env python3
 """Preempting: a cancel or a newer goal stops the goal, which keeps the bowls washed so far."""
 import time
-import unittest
 
-from actionlib_msgs.msg import GoalID, GoalStatus
-from actions_tutorial import robust
-from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
+from actionlib_msgs.msg import GoalStatus
+from actions_tutorial.msg import WashTheDishesGoal
 import rospy
 import rostest
 
-from harness import SUCCEEDED, RawClient, eventually, wait_connected
+from harness import SUCCEEDED, ActionTest, eventually
 
 
-class TestPreempt(unittest.TestCase):
-
-    @classmethod
-    def setUpClass(cls):
-        rospy.init_node("preempt_test")
-        cls.client = robust.SimpleActionClient("wash_dishes_as", WashTheDishesAction)
-        cls.cancel = rospy.Publisher("wash_dishes_as/cancel", GoalID, queue_size=10)
-        wait_connected(cls.client)
+class TestPreempt(ActionTest):
 
     def wash(self, minutes, until=1):
-        """Send a goal and wait for a number of feedbacks (int)."""
-        feedback = []
-        self.client.send_goal(WashTheDishesGoal(number_of_minutes=minutes), feedback_cb=feedback.append)
-        eventually(lambda: len(feedback) >= until, "%d feedbacks" % until)
+        """Send a goal, and wait until it is ACTIVE and has washed a number of bowls (int). Returns its bowls, a list of
+        str to which later feedback is added."""
+        washed = []
+        self.start(WashTheDishesGoal(number_of_minutes=minutes),
+                   feedback_cb=lambda feedback: washed.append(feedback.last_dish_washed))
+        eventually(lambda: len(washed) >= until and self.client.get_state() == GoalStatus.ACTIVE,
+                   "ACTIVE and %d bowls" % until, timeout=20)
+        return washed
 
     def check_outcome(self, state, washed):
         """Wait until the goal is over. Expect a state (GoalStatus) and bowls (list of str) in its result."""
-        self.assertTrue(self.client.wait_for_result(rospy.Duration(10)), "no outcome")
+        self.assertTrue(self.client.wait_for_result(rospy.Duration(20)), "no outcome")
         self.assertEqual(GoalStatus.to_string(state), GoalStatus.to_string(self.client.get_state()))
         self.assertEqual(washed, self.client.get_result().dishes_washed)
 
     def test_cancelled_goal_is_preempted_with_its_bowls(self):
-        self.wash(5, until=2)
+        washed = self.wash(5, until=2)
         self.client.cancel_goal()
-        self.check_outcome(GoalStatus.PREEMPTED, ["bowl-0", "bowl-1"])
+        self.check_outcome(GoalStatus.PREEMPTED, washed)
 
     def test_cancel_acts_within_the_servers_time(self):
-        self.wash(5)
+        washed = self.wash(5)
         begun = time.monotonic()
         self.client.cancel_goal()
-        self.check_outcome(GoalStatus.PREEMPTED, ["bowl-0"])
+        self.check_outcome(GoalStatus.PREEMPTED, washed)
         self.assertLess(time.monotonic() - begun, rospy.get_param("stops_within", 2))
 
     def test_cancel_in_the_last_second(self):
@@ -52,14 +47,14 @@ class TestPreempt(unittest.TestCase):
         self.check_outcome(getattr(GoalStatus, outcome), ["bowl-0"])
 
     def test_cancel_of_all_goals_preempts_it(self):
-        self.wash(5)
+        washed = self.wash(5)
         self.client.cancel_all_goals()
-        self.check_outcome(GoalStatus.PREEMPTED, ["bowl-0"])
+        self.check_outcome(GoalStatus.PREEMPTED, washed)
 
     def test_cancel_up_to_now_preempts_it(self):
-        self.wash(5)
+        washed = self.wash(5)
         self.client.cancel_goals_at_and_before_time(rospy.Time.now())
-        self.check_outcome(GoalStatus.PREEMPTED, ["bowl-0"])
+        self.check_outcome(GoalStatus.PREEMPTED, washed)
 
     def test_cancel_up_to_a_time_before_it_changes_nothing(self):
         before = rospy.Time.now() - rospy.Duration(1)
@@ -69,32 +64,28 @@ class TestPreempt(unittest.TestCase):
 
     def test_cancel_of_another_goal_changes_nothing(self):
         self.wash(2)
-        self.cancel.publish(GoalID(id="another"))
+        self.raw.cancel("another")
         self.check_outcome(GoalStatus.SUCCEEDED, ["bowl-0", "bowl-1"])
 
     def test_cancel_after_the_end_changes_nothing(self):
-        raw = RawClient().wait_connected()  # since the client of robust does not send such a cancel
-        self.addCleanup(raw.close)
-        over = raw.send(0)
-        raw.wait_result(over)
-        raw.cancel(over)
-        raw.check_outcome(raw.send(1), SUCCEEDED, ["bowl-0"])
-        raw.check_outcome(over, SUCCEEDED, [])
+        over = self.raw.send(0)
+        self.raw.wait_result(over)
+        self.raw.cancel(over)
+        self.raw.check_outcome(self.raw.send(1), SUCCEEDED, ["bowl-0"])
+        self.raw.check_outcome(over, SUCCEEDED, [])
 
     def test_goal_after_a_cancelled_one_succeeds(self):
-        self.wash(5)
+        washed = self.wash(5)
         self.client.cancel_goal()
-        self.check_outcome(GoalStatus.PREEMPTED, ["bowl-0"])
+        self.check_outcome(GoalStatus.PREEMPTED, washed)
         self.wash(1)
         self.check_outcome(GoalStatus.SUCCEEDED, ["bowl-0"])
 
     def test_newer_goal_preempts_the_older_with_its_bowls(self):
-        newer = robust.SimpleActionClient("wash_dishes_as", WashTheDishesAction)
-        wait_connected(newer)
-        self.wash(5, until=2)
-        newer.send_goal(WashTheDishesGoal(number_of_minutes=0))
-        self.check_outcome(GoalStatus.PREEMPTED, ["bowl-0", "bowl-1"])
-        self.assertTrue(newer.wait_for_result(rospy.Duration(10)))
+        washed = self.wash(5, until=2)
+        newer = self.raw.send(0)
+        self.check_outcome(GoalStatus.PREEMPTED, washed)
+        self.raw.check_outcome(newer, SUCCEEDED, [])
 
 
 if __name__ == "__main__":

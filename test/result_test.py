@@ -1,28 +1,17 @@
 #!/usr/bin/env python3
 """The result: all bowls of its own goal, once, with a state and a text."""
-import unittest
-
-from actions_tutorial import robust
-from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
+from actions_tutorial.msg import WashTheDishesGoal
 import rospy
 import rostest
 
-from harness import PREEMPTED, SUCCEEDED, RawClient, wait_connected
+from harness import PREEMPTED, SUCCEEDED, ActionTest
 
 
-class TestResult(unittest.TestCase):
-
-    @classmethod
-    def setUpClass(cls):
-        rospy.init_node("result_test")
-        cls.client = robust.SimpleActionClient("wash_dishes_as", WashTheDishesAction)
-        wait_connected(cls.client)
-        cls.raw = RawClient().wait_connected()
+class TestResult(ActionTest):
 
     def wash(self, minutes):
         """Send a goal and wait until it is over. Returns the bowls of its result."""
-        self.client.send_goal(WashTheDishesGoal(number_of_minutes=minutes))
-        self.assertTrue(self.client.wait_for_result(rospy.Duration(10)), "no outcome")
+        self.send(WashTheDishesGoal(number_of_minutes=minutes))
         return self.client.get_result().dishes_washed
 
     def test_result_lists_all_bowls(self):
@@ -59,15 +48,15 @@ class TestResult(unittest.TestCase):
         goal_id = self.raw.send(5)
         self.raw.wait_bowls(goal_id, 1)
         self.raw.cancel(goal_id)
-        result = self.raw.check_outcome(goal_id, PREEMPTED, ["bowl-0"])
-        self.assertEqual(rospy.get_param("text_cancelled", ""), result.status.text)
+        status = self.raw.wait_result(goal_id).status
+        self.assertEqual((PREEMPTED, rospy.get_param("text_cancelled", "")), (status.status, status.text))
 
     def test_text_of_a_goal_that_made_way_for_a_newer_one(self):
         older = self.raw.send(5)
         self.raw.wait_bowls(older, 1)
         self.raw.check_outcome(self.raw.send(0), SUCCEEDED, [])
-        result = self.raw.check_outcome(older, PREEMPTED, ["bowl-0"])
-        self.assertEqual(rospy.get_param("text_newer_goal", ""), result.status.text)
+        status = self.raw.wait_result(older).status
+        self.assertEqual((PREEMPTED, rospy.get_param("text_newer_goal", "")), (status.status, status.text))
 
 
 if __name__ == "__main__":
