@@ -7,7 +7,7 @@ from actions_tutorial.msg import WashTheDishesGoal
 import rospy
 import rostest
 
-from harness import ABORTED, PREEMPTED, RECALLED, SUCCEEDED, ActionTest
+from harness import ABORTED, PREEMPTED, RECALLED, SUCCEEDED, ActionTest, Group, RawClient, bowls
 
 
 class TestGoal(ActionTest):
@@ -44,6 +44,17 @@ class TestGoal(ActionTest):
         self.wash(-2**31)
         self.wash(0)
         self.assertEqual(GoalStatus.SUCCEEDED, self.client.get_state())
+
+    def test_rostopic_pub_sends_a_goal(self):
+        raw = RawClient().wait_connected()  # which has seen no goal yet
+        self.addCleanup(raw.close)
+        with Group() as group:
+            group.start("rostopic", "pub", "--once", "/wash_dishes_as/goal", "actions_tutorial/WashTheDishesActionGoal",
+                        "goal: {number_of_minutes: 5}")
+            raw.wait(lambda: raw.results, "the result")
+        (result,), = raw.results.values()
+        self.assertIn("  status: 3\n", str(result))  # as rostopic echo prints it
+        self.assertEqual(bowls(5), result.result.dishes_washed)
 
     def test_newer_goal_takes_over(self):
         older = self.raw.send(5)

@@ -7,7 +7,7 @@ from actions_tutorial.msg import WashTheDishesGoal
 import rospy
 import rostest
 
-from harness import SUCCEEDED, ActionTest, eventually
+from harness import SUCCEEDED, ActionTest, Group, eventually
 
 
 class TestPreempt(ActionTest):
@@ -55,6 +55,12 @@ class TestPreempt(ActionTest):
         washed = self.wash(5)
         self.client.cancel_goals_at_and_before_time(rospy.Time.now())
         self.check_outcome(GoalStatus.PREEMPTED, washed)
+
+    def test_cancel_by_rostopic_pub_preempts_it(self):
+        washed = self.wash(60)
+        with Group() as group:
+            group.start("rostopic", "pub", "--once", "/wash_dishes_as/cancel", "actionlib_msgs/GoalID", "{}")
+            self.check_outcome(GoalStatus.PREEMPTED, washed)
 
     def test_cancel_up_to_a_time_before_it_changes_nothing(self):
         before = rospy.Time.now() - rospy.Duration(1)
