@@ -11,8 +11,8 @@ ROWS = ["cancel → result (ms)", "newer goal → ACTIVE (ms)", "goal → first 
 
 
 def test_quick_run_has_all_figures_and_pictures(workspace, tmp_path):
-    said = run("/usr/bin/python3", RUN, "--quick", "--doc", str(tmp_path), timeout=200)
-    table = re.search(r"(^\|.*\n)+", said, re.M).group()
+    output = run("/usr/bin/python3", RUN, "--quick", "--doc", str(tmp_path), timeout=200)
+    table = re.search(r"(^\|.*\n)+", output, re.M).group()
     columns, _, *rows = [line.strip("| ").split(" | ") for line in table.splitlines()]
     assert columns == COLUMNS
     assert [row[0] for row in rows] == ROWS

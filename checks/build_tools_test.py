@@ -49,8 +49,8 @@ def test_it_builds_without_a_warning_and_runs(tool, path, master, tmp_path):
         assert build.wait(300) == 0, str(build)
         # Not ours: line 4 of catkin's own CMakeLists.txt, which newer CMakes find too old; nor what setuptools says, in
         # forms of its own, of setup.py install, which is how catkin installs a Python module.
-        said = (build.stdout + build.stderr).replace("Warning at CMakeLists.txt:4 (cmake_minimum_required)", "")
-        assert not re.search("CMake (Deprecation )?Warning|WARNING|: warning:", said), str(build)
+        output = (build.stdout + build.stderr).replace("Warning at CMakeLists.txt:4 (cmake_minimum_required)", "")
+        assert not re.search("CMake (Deprecation )?Warning|WARNING|: warning:", output), str(build)
     for other in set(os.listdir(folder)) - {space} if space != "devel" else ():
         run("rm", "-rf", os.path.join(folder, other))
 
