@@ -20,7 +20,6 @@ WHEELS = ["colcon-common-extensions"] + ["ros-jazzy-" + name for name in (
     "ament-cmake", "ament-cmake-gmock", "ament-cmake-gtest", "ament-cmake-include-directories", "ament-cmake-pytest",
     "ament-cmake-ros", "ament-package", "python-cmake-module", "rclpy[fastrtps]", "rosidl-core-generators",
     "rosidl-default-generators")]
-BUILDER = "/opt/python/cp312-cp312"  # the Python of the machine that built the wheels, in their CMake files
 # Cancels all goals, as the page's `ros2 service call` does, and prints how many will stop.
 CANCEL = """
 import rclpy
@@ -47,18 +46,21 @@ class Ros2(Group):
 
     def __init__(self, home, python):
         super().__init__()
-        self.home, venv = home, home / "venv"
+        self.home, self.programs = home, str(home / "dishes2_ws/install/dishes/lib/dishes") + "/"
+        venv = home / "venv"
         run(python, "-m", "venv", str(venv), PYTHONPATH="")
         run(str(venv / "bin/pip"), "install", "-q", *WHEELS, PYTHONPATH="", timeout=600)
-        base, numpy = run(str(venv / "bin/python"), "-c", "import numpy, sys; print(sys.base_prefix, numpy.get_include())",
-                          PYTHONPATH="").split()
+        # The wheels' CMake files name the folders of the Python that built them, and of its numpy.
+        base, numpy = run(str(venv / "bin/python"), "-c", "import numpy, sys\nprint(sys.base_prefix)\n"
+                          "print(numpy.get_include())", PYTHONPATH="").split()
         for file in venv.glob("share/*/cmake/*Export.cmake"):
-            text = file.read_text().replace(BUILDER + "/lib/python3.12/site-packages/numpy/_core/include", numpy)
-            file.write_text(text.replace(BUILDER, base))
-        # Nothing of ROS 1. Shared memory would remain of what is killed.
+            text = re.sub(r"/opt/python/cp312-cp312(/lib/[^;\"]*/numpy/_core/include)?",
+                          lambda match: numpy if match.group(1) else base, file.read_text())
+            file.write_text(text)
+        # Nothing of ROS 1; no shared memory, which would remain of what is killed (hence not LOCALHOST, which uses it).
         self.clean = ["env", "-i", "HOME=%s" % home, "PATH=%s/bin:/usr/bin:/bin" % venv, "LANG=C.UTF-8",
                       "AMENT_PREFIX_PATH=%s" % venv, "CMAKE_PREFIX_PATH=%s" % venv, "FASTDDS_BUILTIN_TRANSPORTS=UDPv4",
-                      "ROS_DOMAIN_ID=%d" % random.randrange(1, 100), "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST"]
+                      "ROS_DOMAIN_ID=%d" % random.randrange(1, 100)]
         for step in steps_of(PAGE):
             if not isinstance(step, tuple):
                 if re.match(r"\$ (mkdir|cp|touch|cd) ", step.typed):
@@ -67,16 +69,17 @@ class Ros2(Group):
                 edit(step[0], home / step[1], step[2])
 
     def start(self, *command):
-        """Start a command (str …) of the workspace. -> Process"""
-        return super().start(*self.clean, "bash", "-c", 'source ~/dishes2_ws/install/setup.bash && exec "$@"', "-", *command)
-
-    def program(self, name, *arguments):
-        return self.start(str(self.home / "dishes2_ws/install/dishes/lib/dishes" / name), *arguments)
+        """Start a command (str …) in a terminal that knows the workspace. -> Process"""
+        source = 'source ~/dishes2_ws/install/setup.bash && exec "$@"'
+        return super().start(*self.clean, "bash", "-c", source, "-", *command)
 
     def server(self):
-        server = self.program("action_server")
+        server = self.start(self.programs + "action_server")
         server.expect("wash_dishes_as waits for goals")
         return server
+
+    def client(self, number_of_minutes):
+        return self.start(self.programs + "action_client", str(number_of_minutes))
 
     def cancel(self):
         """Cancel all goals. Returns how many will stop."""
@@ -104,9 +107,11 @@ def ros2(installed):
 def check_output(client, status, typed):
     """Expect an exit status of a client (Process), and the output that the page shows below what is typed (str)."""
     assert client.wait() == status, "expected exit status %d of %s" % (status, client)
-    steps = itertools.dropwhile(lambda step: step.typed != "$ " + typed, [
-        step for step in steps_of(PAGE) if getattr(step, "terminal", "") == "2"])
-    shown = next(steps).shown + sum((step.shown for step in itertools.takewhile(lambda step: not step.typed, steps)), [])
+    steps = [step for step in steps_of(PAGE) if getattr(step, "terminal", "") == "2"]
+    steps = itertools.dropwhile(lambda step: step.typed != "$ " + typed, steps)
+    shown = list(next(steps).shown)
+    for step in itertools.takewhile(lambda step: not step.typed, steps):
+        shown += step.shown
     came = client.stdout + client.stderr + "[ros2run]: Process exited with failure %d\n" % status * (status > 0)
     assert re.fullmatch("".join(map(pattern_of, shown)), came), "expected %s of %s" % (shown, client)
 
@@ -118,16 +123,16 @@ def bowls_in(client):
 
 def test_goals_end_as_the_page_shows(ros2):
     server = ros2.server()
-    check_output(ros2.program("action_client", "3"), 0, "ros2 run dishes action_client 3")
-    check_output(ros2.program("action_client", "-3"), 1, "ros2 run dishes action_client -3")
+    check_output(ros2.client(3), 0, "ros2 run dishes action_client 3")
+    check_output(ros2.client(-3), 1, "ros2 run dishes action_client -3")
     server.expect(r"ERROR.* number_of_minutes is -3, must be 0 or more")
 
 
 def test_cancelled_goal_has_its_partial_result(ros2):
     ros2.server()
-    client = ros2.program("action_client", "60")
+    client = ros2.client(60)
     client.expect("bowl-1")
-    newer = ros2.program("action_client", "1")
+    newer = ros2.client(1)
     assert newer.wait() == 0 and client.running(), "expected a newer goal to run beside: %s\n%s" % (newer, client)
     assert ros2.cancel() == 1
     check_output(client, 1, "ros2 run dishes action_client 60")
@@ -136,14 +141,14 @@ def test_cancelled_goal_has_its_partial_result(ros2):
 
 
 def test_ctrl_c_leaves_the_goal_as_the_page_says(ros2):
-    server, client, other = ros2.server(), ros2.program("action_client", "60"), ros2.program("action_client", "60")
+    server, client, other = ros2.server(), ros2.client(60), ros2.client(60)
     for one in client, other:
         one.expect("bowl-0")
     client.signal(signal.SIGINT)
     assert client.wait() == 1, str(client)
     assert ros2.cancel() == 2, "expected both goals to go on"
     assert other.wait() == 1
-    client = ros2.program("action_client", "60")
+    client = ros2.client(60)
     client.expect("bowl-0")
     server.signal(signal.SIGINT)
     assert server.wait() == 0 and client.running(), "expected no outcome: %s\n%s" % (server, client)
@@ -154,7 +159,7 @@ def test_cancel_is_refused_without_cancel_callback(ros2):
     edit(change[0], ros2.home / change[1], change[2])
     run(*ros2.clean, "bash", "-c", "cd ~/dishes2_ws && colcon build --packages-select dishes")
     ros2.server()
-    client = ros2.program("action_client", "4")
+    client = ros2.client(4)
     client.expect("bowl-1")
     assert ros2.cancel() == 0
     assert client.wait() == 0 and bowls_in(client) == [bowls(4), bowls(4)], str(client)
