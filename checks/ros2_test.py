@@ -3,7 +3,6 @@ come from pip, for Python 3.12; the command `ros2` is not among them, so the pro
 import glob
 import itertools
 import os
-import random
 import re
 import shutil
 import signal
@@ -15,6 +14,7 @@ from conftest import ROOT
 from harness import Group, bowls, run
 from typed_pages_test import edit, pattern_of, steps_of
 
+pytestmark = pytest.mark.needs("root", "ip", "nsenter")
 PAGE = "doc/ros2.md"
 WHEELS = ["colcon-common-extensions"] + ["ros-jazzy-" + name for name in (
     "ament-cmake", "ament-cmake-gmock", "ament-cmake-gtest", "ament-cmake-include-directories", "ament-cmake-pytest",
@@ -42,9 +42,10 @@ def python_3_12():
 
 
 class Ros2(Group):
-    """A home (pathlib.Path) with a venv of ROS 2 in it, and the workspace of the page."""
+    """A home (pathlib.Path) with a venv of ROS 2 in it, and the workspace of the page. enter: the command (list of str)
+    that runs another one where its programs run."""
 
-    def __init__(self, home, python):
+    def __init__(self, home, python, enter):
         super().__init__()
         self.home, self.programs = home, str(home / "dishes2_ws/install/dishes/lib/dishes") + "/"
         venv = home / "venv"
@@ -57,10 +58,10 @@ class Ros2(Group):
             text = re.sub(r"/opt/python/cp312-cp312(/lib/[^;\"]*/numpy/_core/include)?",
                           lambda match: numpy if match.group(1) else base, file.read_text())
             file.write_text(text)
-        # Nothing of ROS 1; no shared memory, which would remain of what is killed (hence not LOCALHOST, which uses it).
-        self.clean = ["env", "-i", "HOME=%s" % home, "PATH=%s/bin:/usr/bin:/bin" % venv, "LANG=C.UTF-8",
-                      "AMENT_PREFIX_PATH=%s" % venv, "CMAKE_PREFIX_PATH=%s" % venv, "FASTDDS_BUILTIN_TRANSPORTS=UDPv4",
-                      "ROS_DOMAIN_ID=%d" % random.randrange(1, 100)]
+        # Nothing of ROS 1.
+        self.clean = enter + ["env", "-i", "HOME=%s" % home, "PATH=%s/bin:/usr/bin:/bin" % venv, "LANG=C.UTF-8",
+                              "AMENT_PREFIX_PATH=%s" % venv, "CMAKE_PREFIX_PATH=%s" % venv,
+                              "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST"]
         for step in steps_of(PAGE):
             if not isinstance(step, tuple):
                 if re.match(r"\$ (mkdir|cp|touch|cd) ", step.typed):
@@ -93,7 +94,13 @@ def installed(tmp_path_factory):
     python = python_3_12() or pytest.skip("this needs a Python 3.12, as the wheels of ROS 2 Jazzy do")
     home = tmp_path_factory.mktemp("ros2")
     try:
-        yield Ros2(home, python)
+        with Group() as namespaces:
+            # A network and a shared memory of their own: nothing else is reached, and nothing stays of what is killed.
+            holder = namespaces.start("setpriv", "--pdeathsig", "KILL", "unshare", "--net", "--mount", "sh", "-c",
+                                      "ip link set lo up && mount -t tmpfs tmpfs /dev/shm && echo there && "
+                                      "exec sleep infinity")
+            holder.expect("there")
+            yield Ros2(home, python, ["nsenter", "--net", "--mount", "--target", str(holder.usage.pid)])
     finally:
         shutil.rmtree(str(home))
 

@@ -110,6 +110,21 @@ class TestRobustClient(ScriptedCase):
             handle.get_goal_status(), handle.get_terminal_state(), handle.get_goal_status_text(),
             handle.get_result().the_result, handle.get_comm_state()))
 
+    def test_feedback_does_not_change_the_raw_status(self):
+        self.connect()
+        self.send("ACTIVE cancel PREEMPTING silent unlisted feedback go result:PREEMPTED")  # feedback that says ACTIVE
+        self.wait_state(ACTIVE)
+        self.client.cancel_goal()
+        self.eventually(lambda: self.feedback, "feedback")
+        self.assertEqual(GoalStatus.PREEMPTING, self.client.gh.get_goal_status())
+        self.go()
+        self.expect(PREEMPTED)
+
+    def test_simple_state_is_done_after_done_cb_stopped_tracking(self):
+        self.connect()
+        self.send("ACTIVE result:SUCCEEDED", done_cb=lambda *_: self.client.stop_tracking_goal())
+        self.eventually(lambda: self.client.simple_state == actionlib.SimpleGoalState.DONE, "DONE")
+
     def test_kept_gh_is_updated_after_the_next_send_goal(self):
         self.connect()
         self.send("ACTIVE go result:ABORTED", 1, done_cb=lambda *_: self.done.append("older"))

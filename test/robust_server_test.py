@@ -276,6 +276,23 @@ class TestRobustServer(unittest.TestCase):
         self.client.wait(lambda: goal in self.client.states, "the goal in the status")
         self.assertEqual([0], self.started)
 
+    def test_server_stopped_during_a_goal_serves_after_the_next_start(self):
+        def execute_cb(goal):
+            if goal.number_of_minutes:
+                self.server.action_server.stop()
+                self.server.publish_feedback(WashTheDishesFeedback("bowl-0"))  # which raises
+            self.server.set_succeeded()
+
+        self.serve(execute_cb)
+        self.client.send(1)
+        eventually(lambda: not self.server.action_server.started, "a server that is stopped")
+        self.client.close()
+        self.server.start()
+        self.client = RawClient(self.namespace)
+        self.addCleanup(self.client.close)
+        self.client.wait_connected()
+        self.expect(self.client.send(0), SUCCEEDED)
+
     def test_text_that_utf8_cannot_hold_is_escaped(self):
         self.serve(lambda goal: self.server.set_aborted(text="soap \udcff, größer"))
         self.expect(self.client.send(0), ABORTED, "soap \\udcff, größer")

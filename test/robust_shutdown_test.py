@@ -6,6 +6,7 @@ The servers are programs/shutdown_server.py, whose docstring says what each numb
 import contextlib
 import signal
 import subprocess
+import sys
 import time
 import unittest
 import xmlrpc.client
@@ -15,7 +16,7 @@ import rospy
 import rostest
 
 from actions_tutorial import robust
-from harness import ABORTED, ACTIVE, PREEMPTED, PREEMPTING, RECALLED, SUCCEEDED, RawClient, bowls
+from harness import ABORTED, ACTIVE, PREEMPTED, PREEMPTING, RECALLED, SUCCEEDED, RawClient, bowls, run
 from scripted import Programs, ScriptedCase
 
 SHUTTING_DOWN = "the server is shutting down"
@@ -124,6 +125,20 @@ class TestServer(unittest.TestCase):
         self.expect(client, goal, ABORTED, SHUTTING_DOWN)
         self.program.wait()
         self.assertIn("ValueError: out of soap", self.program.stderr, self.program)
+
+    def test_thread_of_execute_cb_ends_and_can_be_joined(self):
+        output = run(sys.executable, "-c", """if True:
+            import contextlib
+            from actions_tutorial import msg, robust
+            import rospy
+            rospy.init_node("joins")
+            server = robust.SimpleActionServer("joins", msg.WashTheDishesAction, print, auto_start=False)
+            server.start()
+            with contextlib.suppress(AttributeError):  # of Debian 11's rospy, see harness.py
+                rospy.signal_shutdown("done")
+            server.execute_thread.join()
+            print("joined")""", timeout=30)
+        self.assertIn("joined", output)
 
     def test_loop_that_goes_on_keeps_its_pace(self):
         self.start()

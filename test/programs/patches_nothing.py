@@ -7,7 +7,6 @@ import atexit
 import logging
 import signal
 import sys
-import threading
 
 import actionlib
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
@@ -39,9 +38,8 @@ def use(library, name):
 
 rospy.init_node("patches_nothing", disable_signals=True)
 use(actionlib, "plain")  # what rospy changes by itself
-threads, before = threading.active_count(), snapshot()
+before = snapshot()
 from actions_tutorial import robust  # noqa: E402
-print("threads: %d" % (threading.active_count() - threads))
 use(robust, "robust")
 after = snapshot()
 for changed in [name for name in before if before[name] != after.get(name)]:

@@ -13,7 +13,8 @@ Used of actionlib though its documentation does not list it:
 * of CommStateMachine: update_status, update_result, update_feedback and transition_to, which are overridden;
   action_goal, state, latest_goal_status and latest_result, which a ClientGoalHandle reads.
 Of rospy: impl of a publisher or subscriber with has_connection, connections and callerid_pub, and _connection_header of
-a message, as actionlib's wait_for_server uses them; that one needs a clock. Of messages: _type, the type's name.
+a message. actionlib's wait_for_server uses the same, but never ends before the simulated clock has begun.
+Of messages: _type, the type's name.
 
 Threads: answers come in rospy's, one for each topic of a server. They record the answer and call feedback_cb. A daemon
 thread that ends afterwards calls active_cb and done_cb. With heartbeat_timeout, one for each goal watches for silence.
@@ -41,7 +42,7 @@ from .server import STATE_NAMES, log
 Seconds = Union[genpy.Duration, float]
 
 UNLISTED_FOR = 1.0  # s for which a status no longer lists a goal that is then LOST
-RESULT_WITHIN = 30.0  # s for the same if a status has shown the goal's terminal state: the result is on its way
+RESULT_WITHIN = 30.0  # s for which it no longer lists a goal whose terminal state it has shown: the result may be late
 CANCELLED_WITHIN = 2.0  # s from the cancel on shutdown to the outcome
 SETTLED_AFTER = 0.2  # s for a new connection: rospy counts it a moment before messages pass
 _WAS_ACTIVE = {GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.PREEMPTED, GoalStatus.SUCCEEDED, GoalStatus.ABORTED}
@@ -146,7 +147,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             self.gh, self.done_cb, self.active_cb, self.feedback_cb = gh, done_cb, active_cb, feedback_cb
             self.simple_state = actionlib.SimpleGoalState.PENDING
             self.__no_server = None
-            self.done_condition.notify_all()  # waits for the goal before it, and its _watch
+            self.done_condition.notify_all()  # those who wait for the goal before it
         manager = self.action_client.manager
         with manager.list_mutex:
             manager.statuses.append(weakref.ref(sent))
@@ -167,11 +168,12 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         execute_timeout, preempt_timeout: rospy.Duration or s, on the ROS clock; 0: no limit.
         Returns its state (GoalStatus). Raises what send_goal raises.
         """
-        execute_seconds, preempt_seconds = _seconds(execute_timeout), _seconds(preempt_timeout)
+        for timeout in execute_timeout, preempt_timeout:
+            _seconds(timeout)  # raises before anything is sent
         self.send_goal(goal)
-        if not self.wait_for_result(execute_seconds):
+        if not self.wait_for_result(execute_timeout):
             self.cancel_goal()
-            self.wait_for_result(preempt_seconds)
+            self.wait_for_result(preempt_timeout)
         return self.get_state()
 
     def wait_for_result(self, timeout: Seconds = rospy.Duration()) -> bool:
@@ -233,7 +235,10 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         goal = self.__goal
         if not self.__cancel_on_shutdown or not goal or goal.outcome is not None:
             return None
-        goal.send_cancel()
+        try:
+            goal.send_cancel()
+        except rospy.ROSException:  # the program has called action_client.stop()
+            return None
         deadline = time.monotonic() + CANCELLED_WITHIN
 
         def wait() -> None:
@@ -245,8 +250,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
 
 
 class _Goal(actionlib.CommStateMachine):
-    """What is known of a goal that was sent. What actionlib's has, too, is what the server has said: a
-    ClientGoalHandle shows it. outcome, was_active and is_over are what the client shows."""
+    """What is known of a goal that was sent. state, latest_goal_status and latest_result are actionlib's: what the
+    server has reported, for a ClientGoalHandle. outcome, was_active and is_over are for the client."""
 
     def __init__(self, client, action_goal):
         super().__init__(action_goal, None, None, None, self.send_cancel)
@@ -269,7 +274,7 @@ class _Goal(actionlib.CommStateMachine):
             self.client.action_client.pub_cancel.publish(goal_id or GoalID(id=self.id))
 
     def transition_to(self, state):
-        """Overrides actionlib's: ClientGoalHandle.cancel() has sent a cancel."""
+        """Overrides actionlib's: set state, for ClientGoalHandle.cancel(), unless the goal has an outcome."""
         if self.outcome is None:
             self.state = state
 
@@ -295,7 +300,7 @@ class _Goal(actionlib.CommStateMachine):
     def update_feedback(self, action_feedback):
         """Overrides actionlib's: feedback has come."""
         if action_feedback.status.goal_id.id == self.id:
-            self.record(action_feedback.status)
+            self.record_life(action_feedback.status.status)
             if self.is_current():
                 _call(self.client.feedback_cb, action_feedback.feedback)
 
@@ -307,15 +312,19 @@ class _Goal(actionlib.CommStateMachine):
     def record(self, status):
         """Record a status (GoalStatus). A terminal state is an outcome only with the result."""
         with self.changed:
+            if self.outcome is None:
+                self.latest_goal_status = status
+                # After a cancel was sent, PENDING and ACTIVE mean that the server has not seen it yet.
+                if self.state != actionlib.CommState.WAITING_FOR_CANCEL_ACK or status.status not in (
+                        GoalStatus.PENDING, GoalStatus.ACTIVE):
+                    self.state = _COMM_STATES.get(status.status, actionlib.CommState.WAITING_FOR_RESULT)
+        self.record_life(status.status)
+
+    def record_life(self, state):
+        """Record that the server lives, and has the goal in this state (of GoalStatus)."""
+        with self.changed:
             self.silence = 0.0
-            # Feedback may be older than the last status.
-            if self.outcome is not None or self.latest_goal_status.status not in _COMM_STATES:
-                return
-            self.latest_goal_status = status
-            waits_for_ack = self.state == actionlib.CommState.WAITING_FOR_CANCEL_ACK
-            if not (waits_for_ack and status.status in (GoalStatus.PENDING, GoalStatus.ACTIVE)):
-                self.state = _COMM_STATES.get(status.status, actionlib.CommState.WAITING_FOR_RESULT)
-            self.was_active = self.was_active or status.status in _WAS_ACTIVE
+            self.was_active = self.was_active or state in _WAS_ACTIVE
         self.call_back()
 
     def lose(self, text):
@@ -352,16 +361,16 @@ class _Goal(actionlib.CommStateMachine):
 
     def call_what_is_due(self):
         """Call active_cb, then done_cb, unless another goal was sent meanwhile."""
-        client = self.client
+        client, is_current = self.client, False
         while True:
             with self.changed:
-                is_current = self.is_current()
                 if not self.is_due():
                     self.is_calling, self.is_over = False, self.done_called
-                    if self.is_over and is_current:
+                    if self.is_over and is_current and (client.gh is None or self.is_current()):
                         client.simple_state = actionlib.SimpleGoalState.DONE
                     self.changed.notify_all()
                     return
+                is_current = self.is_current()
                 if self.was_active and not self.active_called:
                     self.active_called, call = True, [client.active_cb]
                     if is_current:

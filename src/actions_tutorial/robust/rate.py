@@ -18,8 +18,8 @@ class Rate(rospy.Rate):
     """A rospy.Rate whose sleep() ends early when the goal should stop.
 
     hz: 1/s, on the ROS clock.
-    request: called when sleep() begins and after each wake(), with no lock held. Returns what asks the goal to stop,
-        another object for each request, or None.
+    request: called when sleep() begins and after each wake(), with no lock held. Returns None, or an object that
+        stands for the request to stop: the same one for as long as it is the same request.
     """
 
     def __init__(self, hz: float, request: Callable[[], Any]) -> None:

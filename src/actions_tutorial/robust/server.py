@@ -8,8 +8,8 @@ Used of actionlib though its documentation does not list it:
 * of ActionServer: initialize, publish_result, publish_feedback, internal_goal_callback and internal_cancel_callback,
   which are overridden; publish_status_async, ns, lock, started, status_list, status_timer, status_frequency,
   last_cancel, result_pub and the message types.
-* of ServerGoalHandle and StatusTracker: status_tracker, goal, status. They can be read while a callback of the program
-  holds the lock.
+* of ServerGoalHandle and StatusTracker: status_tracker, goal, status. Reading them needs no lock, which a callback of
+  the program may hold.
 
 Threads: one for execute_cb; a rospy.Timer that publishes the status; one that ends the goals on shutdown. Goals and
 cancels come in rospy's. Order of the locks: action_server.lock, then lock. What is logged while they are held is
@@ -67,7 +67,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             self.execute_thread.start()
         servers[id(self)] = self
         if auto_start:
-            SimpleActionServer.start(self)
+            self.start()
 
     def __del__(self) -> None:
         """Does nothing, unlike actionlib's, which joins the thread of execute_cb."""
@@ -84,10 +84,6 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             with self.lock:
                 self.execute_condition.notify_all()
 
-    def start(self) -> None:
-        """Serve goals from now on. A second call does nothing."""
-        super().start()
-
     def rate(self, hz: float) -> Rate:
         """Returns a rate for the work on a goal: a rospy.Rate whose sleep() returns True at the end of the period, and
         False at once when the goal should stop: for a cancel, a newer goal or a shutdown. A loop that goes on then
@@ -96,11 +92,10 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         hz: 1/s, on the ROS clock.
 
         For servers with goal callbacks: the rate belongs to the goal that runs when it is made. If another thread has
-        ended that goal or accepted a newer one, sleep() returns False, too: set_preempted and the others would end the
-        newer one.
+        ended that goal or accepted a newer one, sleep() returns False, too. set_preempted, set_aborted and
+        set_succeeded would then end the newer goal.
         """
-        own = self.__running_goal()  # the goal that the thread with this rate works on
-        belongs_to_all = own is None  # the rate was made before goals came
+        own = self.__running_goal()
 
         def request() -> Any:
             nonlocal own
@@ -109,10 +104,10 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             if self.is_preempt_requested():
                 return self.current_goal
             running = self.__running_goal()
-            if own and running is not own and threading.get_ident() not in (self.__accepted_by, self.__ended_by):
-                own = running if belongs_to_all else own
-                return self.current_goal
-            own = running
+            if own and running is not own:
+                if threading.get_ident() not in (self.__accepted_by, self.__ended_by):
+                    return self.current_goal
+                own = running
             return None
 
         return Rate(hz, request)
@@ -248,16 +243,18 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         return self.need_to_terminate or self.action_server.is_shutting_down
 
     def __execute(self, goal):
+        error = None
         try:
             self.execute_callback(goal)
-        except BaseException as error:  # SystemExit would end the thread
-            with self.action_server.locked():
+        except BaseException as raised:  # SystemExit would end the thread
+            error = raised
+        # The program may have called action_server.stop() meanwhile.
+        with contextlib.suppress(rospy.ROSException), self.action_server.locked():
+            if error is not None:
                 self.__abort(self.__failed("execute_cb", error))
-        else:
-            with self.action_server.locked():
-                if self.__abort("execute_cb returned without a terminal state"):
-                    self.action_server.log(
-                        rospy.logwarn, "%s: execute_cb returned without a terminal state", self.action_server.name)
+            elif self.__abort("execute_cb returned without a terminal state"):
+                self.action_server.log(
+                    rospy.logwarn, "%s: execute_cb returned without a terminal state", self.action_server.name)
 
     def __abort(self, text):
         """Returns whether the goal was active still."""
@@ -268,8 +265,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def __failed(self, what, error):
         """Log the traceback of error. Returns a text for the client."""
-        self.action_server.log(
-            rospy.logerr, "%s: %s failed\n%s", self.action_server.name, what, traceback.format_exc())
+        lines = traceback.format_exception(type(error), error, error.__traceback__)
+        self.action_server.log(rospy.logerr, "%s: %s failed\n%s", self.action_server.name, what, "".join(lines))
         return "%s failed: %s" % (what, "".join(traceback.format_exception_only(type(error), error)).strip())
 
     def _begin_shutdown(self) -> Optional[Callable[[], None]]:
@@ -277,6 +274,9 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         reached a terminal state, or None if they have."""
         self.action_server.is_shutting_down = True
         wake()
+        if self.lock.acquire(timeout=0.1):  # a callback may hold it
+            self.execute_condition.notify_all()  # the thread of execute_cb ends
+            self.lock.release()
         if self.action_server.is_idle():
             return None
         deadline = time.monotonic() + self.__shutdown_timeout
@@ -284,7 +284,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             threading.Thread(target=self.__end_goals, args=[deadline], daemon=True).start()
         except RuntimeError:  # Python 3.12 and later start no thread while the interpreter shuts down
             self.__end_goals(deadline)
-        # 0.1 s later: if the thread is blocked in a callback of the program, this call ends the goals.
+        # 0.1 s later, since a callback of the program may block the thread, which then ends no goal.
         return lambda: self.__finish(deadline + 0.1)
 
     def __end_goals(self, deadline):
