@@ -51,6 +51,12 @@ def test_an_unknown_command_prints_the_usage(machine):
     assert "tutorial demo" in machine.run(machine.tutorial, "wash", status=2).stderr
 
 
+@pytest.mark.parametrize("command", ["demo -h", "test --help", "shell -h", "benchmark 1 -h", "clean -h"])
+def test_help_after_a_command_starts_nothing(machine, command):
+    shown = machine.run(machine.tutorial, *command.split(), TUTORIAL_WS="/home/learner/help").stdout
+    assert shown.startswith("./tutorial " + command.split()[0]) and not (machine.path / "home/learner/help").exists()
+
+
 # On a system without sudo, until a row lets learner use it; around(machine) may return a context.
 @pytest.mark.parametrize("words, command, options, around", [
     pytest.param(words, command.split(), options, around, id=name) for name, words, command, options, around in [
