@@ -83,12 +83,6 @@ class TestRobustPolicy(ScriptedCase):
         client.send(0, twice)
         self.eventually(lambda: any("goal ignored" in line and twice in line for line in lines), "a warning")
 
-    def test_goal_goes_on_when_its_program_ends(self):
-        program = self.program("shutdown_client", "ACTIVE 3 result:SUCCEEDED", "leaves")
-        self.assertEqual(0, program.wait())
-        self.eventually(lambda: self.results, "a result")
-        self.assertEqual("by script", self.results[0].status.text, "not cancelled")
-
     # The goal
 
     def test_server_frozen_for_8_s_is_waited_for(self):

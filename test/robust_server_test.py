@@ -276,7 +276,7 @@ class TestRobustServer(unittest.TestCase):
         self.client.wait(lambda: goal in self.client.states, "the goal in the status")
         self.assertEqual([0], self.started)
 
-    def test_server_stopped_during_a_goal_serves_after_the_next_start(self):
+    def test_server_stopped_during_a_goal_can_start_again(self):
         def execute_cb(goal):
             if goal.number_of_minutes:
                 self.server.action_server.stop()

@@ -2,7 +2,7 @@
 """Sends a goal, waits and prints its state and get_failure(): shutdown_client.py SCRIPT HOW [HOOK]
 
 SCRIPT: what the scripted server does. HOOK: seconds that a function given to rospy.on_shutdown takes. HOW:
-* default: without cancel_on_shutdown. leaves: the same, and ends when the goal is active.
+* default: without cancel_on_shutdown.
 * cancels: with cancel_on_shutdown.
 * stops_another: the same beside ten such clients with a goal whose action_client was stopped.
 * signals_shutdown: with cancel_on_shutdown, and done_cb calls rospy.signal_shutdown.
@@ -16,14 +16,16 @@ from actionlib.msg import TestRequestAction, TestRequestGoal
 from actions_tutorial import robust
 import rospy
 
+from harness import NAMES
+
 
 def main():
     script, how, *hook = rospy.myargv()[1:]
     rospy.init_node("shutdown_client", anonymous=True)
     if hook:
         rospy.on_shutdown(lambda: time.sleep(float(hook[0])) or os.write(1, b"hook ended\n"))
-    clients = [robust.SimpleActionClient("scripted", TestRequestAction, cancel_on_shutdown=how not in (
-        "default", "leaves")) for _ in range(11 if how == "stops_another" else 1)]
+    clients = [robust.SimpleActionClient("scripted", TestRequestAction, cancel_on_shutdown=how != "default")
+               for _ in range(11 if how == "stops_another" else 1)]
     client = clients.pop(5 if clients[5:] else 0)  # neither the first nor the last
     client.wait_for_server()
     active = threading.Event()
@@ -40,11 +42,9 @@ def main():
     active.wait()
     with contextlib.suppress(AttributeError):  # of Debian 11's rospy, see harness.py
         print("active", flush=True)
-        if how == "leaves":
-            return
         client.wait_for_result()
     over = client.wait_for_result()
-    print(over, robust.client.STATE_NAMES[client.get_state()], client.get_failure(), flush=True)
+    print(over, NAMES[client.get_state()], client.get_failure(), flush=True)
 
 
 if __name__ == "__main__":

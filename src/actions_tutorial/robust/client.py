@@ -10,8 +10,9 @@ Used of actionlib though its documentation does not list it:
   programs read and set them.
 * of ActionClient: last_status_msg, pub_goal, pub_cancel, result_sub, feedback_sub, ActionGoal, and manager with its
   list_mutex and statuses, in which a goal is registered for the answers.
-* of CommStateMachine: update_status, update_result, update_feedback and transition_to, which are overridden;
-  action_goal, state, latest_goal_status and latest_result, which a ClientGoalHandle reads.
+* of CommStateMachine: its constructor; update_status, update_result, update_feedback and transition_to, which are
+  overridden; action_goal, state, latest_goal_status and latest_result, which a ClientGoalHandle reads.
+* of ClientGoalHandle: its constructor and comm_state_machine.
 Of rospy: impl of a publisher or subscriber with has_connection, connections and callerid_pub, and _connection_header of
 a message. actionlib's wait_for_server uses the same, but never ends before the simulated clock has begun.
 Of messages: _type, the type's name.
@@ -41,8 +42,8 @@ from .server import STATE_NAMES, log
 
 Seconds = Union[genpy.Duration, float]
 
-UNLISTED_FOR = 1.0  # s for which a status no longer lists a goal that is then LOST
-RESULT_WITHIN = 30.0  # s for which it no longer lists a goal whose terminal state it has shown: the result may be late
+UNLISTED_FOR = 1.0  # s. A goal that the status no longer lists for so long is LOST
+RESULT_WITHIN = 30.0  # s. The same for a goal whose terminal state was seen: its result may be late
 CANCELLED_WITHIN = 2.0  # s from the cancel on shutdown to the outcome
 SETTLED_AFTER = 0.2  # s for a new connection: rospy counts it a moment before messages pass
 _WAS_ACTIVE = {GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.PREEMPTED, GoalStatus.SUCCEEDED, GoalStatus.ABORTED}
@@ -59,8 +60,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
 
     ns: the name of the action.
     ActionSpec: its type, such as WashTheDishesAction.
-    heartbeat_timeout: s without status or feedback about the goal after which it is LOST, and a cancel is sent in case
-        the server still works. Only time that passes both on the ROS clock and in reality counts. None: no limit.
+    heartbeat_timeout: s. A goal without status or feedback for so long is LOST, and a cancel is sent in case the server
+        still works. Only time that passes both on the ROS clock and in reality counts. None: no limit.
     cancel_on_shutdown: whether the goal is cancelled when this node is shut down. The outcome is awaited for 2 s.
     Raises ValueError for a heartbeat_timeout that is not above 0.
     """
@@ -82,13 +83,13 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         clients[id(self)] = self
 
     def wait_for_server(self, timeout: Seconds = rospy.Duration()) -> bool:
-        """Wait until the server is connected. Every 5 s a warning is logged that says what for.
+        """Wait until the server is connected. Every 5 s a warning names the server that it waits for.
 
         timeout: rospy.Duration or s, in real time, also where time is simulated; 0: no limit.
         Returns whether it is connected: False after timeout and on shutdown. After a new connection it waits 0.2 s
         more, or the first feedback might be lost. Raises rospy.ROSInitException before rospy.init_node.
         """
-        rospy.get_rostime()  # raises that
+        rospy.get_rostime()  # raises rospy.ROSInitException before rospy.init_node
         seconds, begun, logged = _seconds(timeout), time.monotonic(), 0.0
         while not self.__is_connected():
             self.__is_settled = False
@@ -222,13 +223,13 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         goal = self.__goal
         if self.__no_server or not goal:
             return self.__no_server or "no goal was sent, or it is no longer tracked"
-        if goal.outcome == GoalStatus.SUCCEEDED:
+        outcome = goal.outcome  # read once: the result may come meanwhile
+        if outcome == GoalStatus.SUCCEEDED:
             return None
+        if outcome is None:
+            return "goal %s: no outcome so far" % ("ACTIVE" if goal.was_active else "PENDING")
         text = goal.latest_goal_status.text or "the server gave no reason"
-        if goal.outcome is None:
-            text = "no outcome so far"
-        state = self.get_state()
-        return "goal %s: %s" % (STATE_NAMES.get(state, state), " ".join(text.split()))
+        return "goal %s: %s" % (STATE_NAMES.get(outcome, outcome), " ".join(text.split()))
 
     def _begin_shutdown(self) -> Optional[Callable[[], None]]:
         """For the library: cancel the goal if that was asked for. Returns a function that waits for the outcome."""
@@ -256,17 +257,18 @@ class _Goal(actionlib.CommStateMachine):
     def __init__(self, client, action_goal):
         super().__init__(action_goal, None, None, None, self.send_cancel)
         self.client, self.changed, self.id = client, client.done_condition, action_goal.goal_id.id
-        self.outcome = None  # the terminal state (GoalStatus), from when the result is there, too
+        self.outcome = None  # the terminal state (GoalStatus), set together with the result
         self.was_active = False
         self.is_over = False  # done_cb has run
         self.active_called = self.done_called = self.is_calling = False
         self.is_listed = False  # a status has listed it
-        self.unlisted_since = None  # time.monotonic() of the first status that did so no longer
+        self.unlisted_since = None  # time.monotonic() of the first status without it
         self.silence = 0.0  # s
 
     def is_current(self):
         """Returns whether the client's callbacks are called for this goal."""
-        return self.client.gh is not None and self.client.gh.comm_state_machine is self
+        gh = self.client.gh
+        return gh is not None and gh.comm_state_machine is self
 
     def send_cancel(self, goal_id=None):
         """Send a cancel, unless the goal has an outcome. ClientGoalHandle.cancel() calls this, too, with the id."""
@@ -275,8 +277,9 @@ class _Goal(actionlib.CommStateMachine):
 
     def transition_to(self, state):
         """Overrides actionlib's: set state, for ClientGoalHandle.cancel(), unless the goal has an outcome."""
-        if self.outcome is None:
-            self.state = state
+        with self.changed:
+            if self.outcome is None:
+                self.state = state
 
     def update_status(self, status_array):
         """Overrides actionlib's: a status of the server has come."""
@@ -301,8 +304,9 @@ class _Goal(actionlib.CommStateMachine):
         """Overrides actionlib's: feedback has come."""
         if action_feedback.status.goal_id.id == self.id:
             self.record_life(action_feedback.status.status)
-            if self.is_current():
-                _call(self.client.feedback_cb, action_feedback.feedback)
+            with self.changed:
+                callback = self.client.feedback_cb if self.is_current() else None
+            _call(callback, action_feedback.feedback)
 
     def update_result(self, action_result):
         """Overrides actionlib's: a result has come."""
@@ -324,23 +328,23 @@ class _Goal(actionlib.CommStateMachine):
         """Record that the server lives, and has the goal in this state (of GoalStatus)."""
         with self.changed:
             self.silence = 0.0
-            self.was_active = self.was_active or state in _WAS_ACTIVE
+            if self.outcome is None:
+                self.was_active = self.was_active or state in _WAS_ACTIVE
         self.call_back()
 
     def lose(self, text):
-        """Record that the goal is LOST, and why. Returns whether it had no outcome before."""
-        return self.end(GoalStatus(self.action_goal.goal_id, GoalStatus.LOST, text), None)
+        """Record that the goal is LOST, and why."""
+        self.end(GoalStatus(self.action_goal.goal_id, GoalStatus.LOST, text), None)
 
     def end(self, status, action_result):
-        """Record the outcome. Returns whether it is the first."""
+        """Record the outcome, unless there is one."""
         with self.changed:
             if self.outcome is not None:
-                return False
+                return
             self.latest_goal_status, self.latest_result = status, action_result
             self.outcome, self.state = status.status, actionlib.CommState.DONE
             self.was_active = self.was_active or self.outcome in _WAS_ACTIVE
         self.call_back()
-        return True
 
     def call_back(self):
         """Have active_cb and done_cb called as far as they are due."""

@@ -32,7 +32,8 @@ class Rate(rospy.Rate):
         period begins.
 
         Returns True at the end of the period, False when the goal should stop: at once the first time for a request,
-        then at the end of each period, so that a loop that goes on, to slow down say, keeps its pace.
+        then at the end of each period, so that a loop that goes on, to slow down say, keeps its pace. Raises
+        rospy.ROSInterruptException if the node was shut down and time is simulated, as rospy.Rate does.
         """
         clock = rospy.rostime.get_rostime_cond()
         called = rospy.get_rostime()
@@ -54,7 +55,14 @@ class Rate(rospy.Rate):
                         self.last_time = called
                     return request is None
                 if seen == _wakes:
-                    clock.wait(left.to_sec() if rospy.rostime.is_wallclock() else None)
+                    if rospy.rostime.is_wallclock():
+                        clock.wait(left.to_sec())
+                    elif request is None:
+                        clock.wait()
+                    else:  # after a shutdown no clock comes any more
+                        if rospy.is_shutdown():
+                            raise rospy.ROSInterruptException("ROS shutdown request")
+                        clock.wait(0.5)
 
 
 def wake() -> None:

@@ -2,9 +2,10 @@
 """SimpleActionServer: goals start at once, stop at once, and always reach a terminal state with a text.
 
 Used of actionlib though its documentation does not list it:
-* of SimpleActionServer: internal_goal_callback, internal_preempt_callback, executeLoop and need_to_terminate, which are
-  overridden; action_server, lock, execute_condition, execute_callback, execute_thread, preempt_callback, current_goal,
-  next_goal, new_goal, preempt_request. It offers no other way to start goals without a poll, or to end one that waits.
+* of SimpleActionServer: internal_goal_callback, internal_preempt_callback, executeLoop, need_to_terminate and __del__,
+  which are overridden; action_server, lock, execute_condition, execute_callback, execute_thread, preempt_callback,
+  current_goal, next_goal, new_goal, preempt_request. It offers no other way to start goals without a poll, or to end
+  one that waits.
 * of ActionServer: initialize, publish_result, publish_feedback, internal_goal_callback and internal_cancel_callback,
   which are overridden; publish_status_async, ns, lock, started, status_list, status_timer, status_frequency,
   last_cancel, result_pub and the message types.
@@ -92,8 +93,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         hz: 1/s, on the ROS clock.
 
         For servers with goal callbacks: the rate belongs to the goal that runs when it is made. If another thread has
-        ended that goal or accepted a newer one, sleep() returns False, too. set_preempted, set_aborted and
-        set_succeeded would then end the newer goal.
+        ended that goal or accepted a newer one, sleep() returns False, too. Return without set_preempted or the others
+        then, since they would end the newer goal. current_goal is another object than before, which shows it.
         """
         own = self.__running_goal()
 
@@ -126,11 +127,12 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
         Returns the goal, or None if none waits, for instance since it was cancelled.
         """
+        goal = None
         with self.action_server.locked(), self.lock:
             if not self.new_goal:
                 return None
             if self.is_active():
-                SimpleActionServer.set_preempted(self)
+                SimpleActionServer.set_preempted(self)  # not that of a subclass, which is the program's
             self.__accepted_by = threading.get_ident()
             goal = super().accept_new_goal()
         wake()
