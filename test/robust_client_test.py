@@ -52,7 +52,7 @@ class TestRobustClient(ScriptedCase):
         self.connect()
         self.send("result:SUCCEEDED")
         self.expect(SUCCEEDED)
-        goal_id = self.goals[0].goal_id
+        goal_id = self.client.gh.comm_state_machine.action_goal.goal_id
         name, _, stamp = goal_id.id.split("-")
         self.assertTrue(name.startswith(rospy.get_name()), name)
         self.assertEqual("%d.%d" % (goal_id.stamp.secs, goal_id.stamp.nsecs), stamp)
@@ -92,7 +92,8 @@ class TestRobustClient(ScriptedCase):
         self.connect()
         self.send("ACTIVE")
         self.wait_state(ACTIVE)
-        self.assertEqual(self.goals[0].goal_id.id, self.client.gh.comm_state_machine.action_goal.goal_id.id)
+        goal_id = self.client.gh.comm_state_machine.action_goal.goal_id.id
+        self.eventually(lambda: goal_id in [goal.goal_id.id for goal in self.goals], "the goal")
 
     def test_gh_shows_the_raw_status_and_get_state_folds_it(self):
         self.connect()
@@ -237,8 +238,8 @@ class TestRobustClient(ScriptedCase):
         for words in "ACTIVE cancel result:PREEMPTED", "cancel result:RECALLED":
             self.send(words)
             self.client.cancel_goal()
-            self.assertTrue(self.client.wait_for_result(30))
-        self.assertEqual([goal.goal_id.id for goal in self.goals], [cancel.id for cancel in self.cancels])
+            self.assertTrue(self.client.wait_for_result(30), "the scripted server waits for a cancel of this goal")
+        self.eventually(lambda: len(self.cancels) == 2, "two cancels")
 
     def test_stop_tracking_goal_forgets_it_and_it_goes_on(self):
         self.connect()
@@ -326,7 +327,7 @@ class TestRobustClient(ScriptedCase):
         self.assertEqual([(LOST, None)], self.done)
         self.assertRegex(self.client.get_goal_status_text(), r"silent for [12]\.\d s \(heartbeat_timeout is 1 s\)")
         self.eventually(lambda: self.cancels, "a cancel, in case the server is only asleep")
-        self.assertEqual([self.goals[0].goal_id.id], [cancel.id for cancel in self.cancels])
+        self.assertEqual([self.client.gh.comm_state_machine.action_goal.goal_id.id], [one.id for one in self.cancels])
 
     def test_silence_from_the_start_is_lost(self):
         self.connect(heartbeat_timeout=1)
