@@ -72,7 +72,8 @@ class TestRobustPolicy(ScriptedCase):
         rospy.Subscriber("/rosout", Log, lambda line: lines.append(line.msg))
         programs = Programs()
         self.addCleanup(programs.stop)
-        server = programs.start("sh", "-c", "PYTHONUNBUFFERED=1 %s/scripts/robust_action_server.py | head -1" % PACKAGE)
+        server = programs.start("sh", "-c", '"$0" | head -1', PACKAGE + "/scripts/robust_action_server.py",
+                                PYTHONUNBUFFERED="1")
         server.expect("waits for goals")
         client = RawClient().wait_connected(server)
         self.addCleanup(client.close)
