@@ -6,12 +6,14 @@ ACTIONLIB=plain in the environment tries actionlib. drop_in.test runs both.
 import gc
 import os
 import threading
+import time
 import weakref
 
 import actionlib
 from actionlib import CommState, SimpleGoalState
-from actionlib.msg import TestRequestAction, TestRequestGoal
-from actionlib_msgs.msg import GoalStatus
+from actionlib.msg import (
+    TestRequestAction, TestRequestActionFeedback, TestRequestActionGoal, TestRequestActionResult, TestRequestGoal)
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 import rospy
 import rostest
 
@@ -121,7 +123,7 @@ class TestClient(ScriptedCase):
         self.send("0.2 ACTIVE cancel 0.3 PREEMPTING go result:PREEMPTED")
         self.wait_state(ACTIVE)
         seen = []
-        rospy.Subscriber("scripted/status", actionlib.action_client.GoalStatusArray, lambda message: seen.append(
+        rospy.Subscriber("scripted/status", GoalStatusArray, lambda message: seen.append(
             (self.client.gh.get_comm_state(), message.status_list[0].status)))
         self.client.cancel_goal()
         self.eventually(lambda: (CommState.WAITING_FOR_CANCEL_ACK, ACTIVE) in seen[1:], "it waits")
@@ -130,6 +132,23 @@ class TestClient(ScriptedCase):
         self.expect(PREEMPTED)
 
     # Waits
+
+    def test_server_without_one_of_its_topics_is_not_connected(self):
+        makers = {"goal": lambda name: rospy.Subscriber(name, TestRequestActionGoal),
+                  "cancel": lambda name: rospy.Subscriber(name, GoalID),
+                  "status": lambda name: rospy.Publisher(name, GoalStatusArray, latch=True, queue_size=1),
+                  "feedback": lambda name: rospy.Publisher(name, TestRequestActionFeedback, queue_size=1),
+                  "result": lambda name: rospy.Publisher(name, TestRequestActionResult, queue_size=1)}
+        for missing in makers:
+            action = "without_" + missing
+            topics = {topic: make(action + "/" + topic) for topic, make in makers.items() if topic != missing}
+            client = self.library.SimpleActionClient(action, TestRequestAction)
+            if missing != "status":
+                topics["status"].publish()
+            self.assertFalse(client.wait_for_server(rospy.Duration(0.7)), missing)
+            topics[missing] = makers[missing](action + "/" + missing)
+            topics["status"].publish()
+            self.assertTrue(client.wait_for_server(rospy.Duration(30)), missing)
 
     def test_wait_for_result_follows_a_goal_that_is_sent_meanwhile(self):
         self.connect()
@@ -149,6 +168,13 @@ class TestClient(ScriptedCase):
         self.go()
         thread.join(30)
         self.assertEqual([(True, ABORTED)], ended)
+
+    def test_done_cb_is_called_when_active_cb_has_returned(self):
+        self.connect()
+        self.send("0.2 ACTIVE 0.1 result:SUCCEEDED", active_cb=lambda: time.sleep(0.5) or self.active.append(True),
+                  done_cb=lambda *_: self.done.append(list(self.active)))
+        self.expect(SUCCEEDED)
+        self.assertEqual([[True]], self.done)
 
     def test_done_condition_is_notified_when_the_goal_is_over(self):
         self.connect()

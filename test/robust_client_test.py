@@ -232,6 +232,8 @@ class TestRobustClient(ScriptedCase):
         self.eventually(lambda: self.feedback, "the last word of the script")
         self.expect(SUCCEEDED, 7)
         self.assertEqual([(SUCCEEDED, 7)], self.done)
+        self.assertEqual((SUCCEEDED, CommState.DONE), (
+            self.client.gh.get_terminal_state(), self.client.gh.get_comm_state()))
 
     def test_state_and_result_are_there_when_done_cb_is_called(self):
         self.connect()
@@ -464,6 +466,13 @@ class TestRobustClient(ScriptedCase):
             time.sleep(0.1)
         self.go()
         self.expect(SUCCEEDED)
+
+    def test_silence_after_stop_is_lost(self):
+        self.connect(heartbeat_timeout=1)
+        self.send("ACTIVE")
+        self.wait_state(ACTIVE)
+        self.client.action_client.stop()  # no cancel can be sent any more
+        self.expect(LOST)
 
     def test_late_result_of_a_lost_goal_changes_nothing(self):
         self.connect(heartbeat_timeout=0.5)

@@ -248,7 +248,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
 
         def wait() -> None:
             with self.__changed:
-                self.__changed.wait_for(lambda: goal.is_over, max(0, deadline - time.monotonic()))
+                self.__changed.wait_for(lambda: goal.is_over, deadline - time.monotonic())
             goal.set_lost("a cancel was sent on shutdown, and no outcome came within %g s" % CANCELLED_WITHIN)
 
         return wait
