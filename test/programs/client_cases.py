@@ -3,6 +3,7 @@
 import gc
 import sys
 import threading
+import time
 
 from actionlib.msg import TestRequestAction, TestRequestGoal
 from actions_tutorial import robust
@@ -25,11 +26,12 @@ def forgotten_client():
 
 
 def shutdown_while_connections_settle():
-    """The node is shut down when the server has just been connected."""
+    """The node is shut down just after the server was connected."""
     client = robust.SimpleActionClient("scripted", TestRequestAction)
 
     def shut_down():
         client.action_client.wait_for_server()
+        time.sleep(0.05)  # the other thread has seen it, too, and waits for 0.2 s
         rospy.signal_shutdown("connected")
 
     threading.Thread(target=shut_down).start()

@@ -94,16 +94,15 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         while not rospy.is_shutdown():
             connection, waited = self.__connection(), time.monotonic() - begun
             if connection is not None:
-                if connection is self.__settled:
-                    self.__no_server = None
+                if connection is not self.__settled:
+                    time.sleep(SETTLED_AFTER)
+                self.__settled, self.__no_server = connection, None
+                if not rospy.is_shutdown():
                     return True
-                time.sleep(SETTLED_AFTER)
-                self.__settled = connection
-                continue
-            if waited >= seconds:
+            elif waited >= seconds:
                 self.__no_server = "no server of %s within %g s" % (name, seconds)
                 return False
-            if waited - logged >= 5:
+            elif waited - logged >= 5:
                 logged = waited
                 log(rospy.logwarn, "waiting for the server of %s for %d s", name, waited)
             time.sleep(0.01)
@@ -118,11 +117,12 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             return None
         connection = client.last_status_msg._connection_header
         server = connection["callerid"]
-        return connection if all(one.impl.has_connection(server) for one in (client.pub_goal, client.pub_cancel)) and (
-            all(server in [each.callerid_pub for each in one.impl.connections]
-                for one in (client.result_sub, client.feedback_sub))) else None
+        is_connected = all(one.impl.has_connection(server) for one in (client.pub_goal, client.pub_cancel)) and all(
+            server in [each.callerid_pub for each in one.impl.connections]
+            for one in (client.result_sub, client.feedback_sub))
+        return connection if is_connected else None
 
-    def send_goal(self, goal: genpy.Message, done_cb: Optional[Callable[[int, Any], Any]] = None,
+    def send_goal(self, goal: Optional[genpy.Message], done_cb: Optional[Callable[[int, Any], Any]] = None,
                   active_cb: Optional[Callable[[], Any]] = None,
                   feedback_cb: Optional[Callable[[Any], Any]] = None) -> None:
         """Send a goal, once. A goal before it goes on at the server, and its callbacks are not called any more.
@@ -134,17 +134,13 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         These three are attributes of the client, too, which are read when a call is due.
         Raises TypeError for a message of another type, rospy.ROSSerializationException for one that cannot be sent.
         """
-        stamp = rospy.Time.now()
         # The random digits are for two nodes of one name that send in one moment of simulated time.
-        goal_id = GoalID(stamp, "%s-%d-%.3f0%012d" % (
-            rospy.get_name(), next(_goal_numbers), stamp.to_sec(), random.SystemRandom().randrange(10**12)))
-        action_goal = self.action_client.ActionGoal(goal_id=goal_id)
-        action_goal.header.stamp = stamp
-        if goal is not None:
-            if getattr(goal, "_type", None) != action_goal.goal._type:
-                raise TypeError("the goal must be of type %s, not %s" % (
-                    action_goal.goal._type, getattr(goal, "_type", type(goal).__name__)))
-            action_goal.goal = goal
+        stamp, digits = rospy.Time.now(), random.SystemRandom().randrange(10**12)
+        goal_id = "%s-%d-%.3f0%012d" % (rospy.get_name(), next(_goal_numbers), stamp.to_sec(), digits)
+        ActionGoal = self.action_client.ActionGoal
+        action_goal, kind = ActionGoal(rospy.Header(stamp=stamp), GoalID(stamp, goal_id), goal), ActionGoal().goal._type
+        if getattr(action_goal.goal, "_type", None) != kind:
+            raise TypeError("the goal must be of type %s, not %s" % (kind, getattr(goal, "_type", type(goal).__name__)))
         try:
             action_goal.serialize(io.BytesIO())  # rospy would leave half of it in front of the next message
         except Exception as error:
@@ -166,7 +162,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             self.stop_tracking_goal()
             raise
 
-    def send_goal_and_wait(self, goal: genpy.Message, execute_timeout: Seconds = rospy.Duration(),
+    def send_goal_and_wait(self, goal: Optional[genpy.Message], execute_timeout: Seconds = rospy.Duration(),
                            preempt_timeout: Seconds = rospy.Duration()) -> int:
         """Send a goal and wait until it is over. After execute_timeout, cancel it and wait for preempt_timeout.
 
@@ -208,8 +204,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
 
     @property
     def __goal(self):
-        gh = self.gh
-        return gh.comm_state_machine if gh else None
+        return getattr(self.gh, "comm_state_machine", None)
 
     def get_state(self) -> int:
         """Returns the state of the goal (GoalStatus): PENDING or ACTIVE until outcome and result are there, then the
@@ -267,16 +262,13 @@ class _Goal(actionlib.CommStateMachine):
         self.is_over = False  # done_cb has run
         self.active_called = self.done_called = self.is_calling = False
         self.was_replaced = False  # before done_cb was due
-        self.is_listed = False  # a status has listed it
-        self.unlisted_since = None  # time.monotonic() of the first status without it
-        self.unlisted_at = -math.inf  # the same of the last one
-        self.cancelled_at = None  # the same of the first cancel
+        self.unlisted_since = self.cancelled_at = None  # time.monotonic() of the first status without it, first cancel
+        self.unlisted_at = -math.inf  # the same of the last status without it
         self.silence = 0.0  # s
 
     def is_current(self):
         """Returns whether the client's callbacks are called for this goal."""
-        gh = self.client.gh
-        return gh is not None and gh.comm_state_machine is self
+        return getattr(self.client.gh, "comm_state_machine", None) is self
 
     def is_replaced(self):
         """Returns whether another goal was sent, or none is tracked any more, before done_cb was due."""
@@ -299,28 +291,26 @@ class _Goal(actionlib.CommStateMachine):
         """Overrides actionlib's: a status of the server has come."""
         status = next((one for one in status_array.status_list if one.goal_id.id == self.id), None)
         if status:
-            self.is_listed, self.unlisted_since = True, None
+            self.unlisted_since = None
             self.record_status(status)
             return
-        seen, self.unlisted_at = self.latest_goal_status.status, time.monotonic()
-        self.unlisted_since = self.unlisted_since or self.unlisted_at
-        unlisted_for = self.unlisted_at - self.unlisted_since
-        if not self.is_listed:
-            if self.cancelled_at and self.unlisted_at - self.cancelled_at >= CANCELLED_UNLISTED_FOR:
-                self.set_lost("cancelled, and the server does not list the goal")
-        elif seen in _COMM_STATES:
-            if unlisted_for >= UNLISTED_FOR:
-                self.set_lost("the server no longer knows the goal")
-        else:
+        seen, now = self.latest_goal_status.status, time.monotonic()
+        self.unlisted_at, self.unlisted_since = now, self.unlisted_since or now
+        since, limit, text = self.unlisted_since, UNLISTED_FOR, "the server no longer knows the goal"
+        if not self.latest_goal_status.goal_id.id:  # no status has listed it so far
+            since, limit, text = self.cancelled_at or now, CANCELLED_UNLISTED_FOR, (
+                "cancelled, and the server does not list the goal")
+        elif seen not in _COMM_STATES:  # its result is on the way
             self.silence = 0.0  # the server lives
-            if unlisted_for >= RESULT_WITHIN:
-                self.set_lost("the server reported %s, and no result came within %g s" % (
-                    STATE_NAMES.get(seen, seen), RESULT_WITHIN))
+            limit, text = RESULT_WITHIN, "the server reported %s, and no result came within %g s" % (
+                STATE_NAMES.get(seen, seen), RESULT_WITHIN)
+        if now - since >= limit:
+            self.set_lost(text)
 
     def update_feedback(self, action_feedback):
         """Overrides actionlib's: feedback has come."""
         if action_feedback.status.goal_id.id == self.id:
-            self.record_sign_of_life(action_feedback.status.status)
+            self.record_status(action_feedback.status, is_feedback=True)
             with self.changed:
                 callback = self.client.feedback_cb if self.is_current() else None
             _call(callback, action_feedback.feedback)
@@ -330,23 +320,19 @@ class _Goal(actionlib.CommStateMachine):
         if action_result.status.goal_id.id == self.id:
             self.set_outcome(action_result.status, action_result)
 
-    def record_status(self, status):
-        """Record a status (GoalStatus). A terminal state is an outcome only with the result."""
-        with self.changed:
-            if self.outcome is None:
-                self.latest_goal_status = status
-                # After a cancel was sent, PENDING and ACTIVE mean that the server has not seen it yet.
-                if self.state != actionlib.CommState.WAITING_FOR_CANCEL_ACK or status.status not in (
-                        GoalStatus.PENDING, GoalStatus.ACTIVE):
-                    self.state = _COMM_STATES.get(status.status, actionlib.CommState.WAITING_FOR_RESULT)
-        self.record_sign_of_life(status.status)
-
-    def record_sign_of_life(self, state):
-        """Record that the server lives, and has the goal in this state (of GoalStatus)."""
+    def record_status(self, status, is_feedback=False):
+        """Record a status (GoalStatus), or one that came with feedback, which may be older than the last. A terminal
+        state is an outcome only with the result."""
         with self.changed:
             self.silence = 0.0
             if self.outcome is None:
-                self.was_accepted = self.was_accepted or state in _ACCEPTED
+                self.was_accepted = self.was_accepted or status.status in _ACCEPTED
+                if not is_feedback:
+                    self.latest_goal_status = status
+                    # After a cancel was sent, PENDING and ACTIVE mean that the server has not seen it yet.
+                    if self.state != actionlib.CommState.WAITING_FOR_CANCEL_ACK or status.status not in (
+                            GoalStatus.PENDING, GoalStatus.ACTIVE):
+                        self.state = _COMM_STATES.get(status.status, actionlib.CommState.WAITING_FOR_RESULT)
         self.start_callbacks()
 
     def set_lost(self, text):
