@@ -137,7 +137,7 @@ class TestRobustActionServer(ServerTests, unittest.TestCase):
         self.clock.turn(-500)
         eventually(lambda: self.clock.turn(0.1) or client.get_state() == GoalStatus.LOST, "LOST", timeout=10, pause=0.1)
 
-    def test_wait_for_result_ends_in_time_when_the_clock_was_set_back(self):
+    def test_wait_for_result_ends_in_time_after_clock_was_set_back(self):
         client, ended = self.send_to_nobody(), threading.Event()
         threading.Thread(target=lambda: client.wait_for_result(2) or ended.set()).start()
         time.sleep(0.2)

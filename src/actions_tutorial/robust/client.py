@@ -8,8 +8,8 @@ as in actionlib.
 Used of actionlib though its documentation does not list it:
 * of SimpleActionClient: action_client, gh, simple_state, done_condition, done_cb, active_cb and feedback_cb, since
   programs read and set them.
-* of ActionClient: ns, last_status_msg, pub_goal, pub_cancel, result_sub, feedback_sub, ActionGoal, and manager with
-  its list_mutex and statuses, in which a goal is registered for the answers.
+* of ActionClient: last_status_msg, pub_goal, pub_cancel, result_sub, feedback_sub, ActionGoal, and manager with its
+  list_mutex and statuses, in which a goal is registered for the answers.
 * of CommStateMachine: its constructor; update_status, update_result, update_feedback, transition_to and send_cancel_fn,
   which are overridden; action_goal, state, latest_goal_status and latest_result, which a ClientGoalHandle reads.
 * of ClientGoalHandle: its constructor and comm_state_machine.
@@ -74,6 +74,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             raise ValueError("heartbeat_timeout is %r, must be above 0, or None" % heartbeat_timeout)
         super().__init__(ns, ActionSpec)
         self.gh: Optional[actionlib.ClientGoalHandle]  # of the goal, None if there is none
+        self.__name = rospy.resolve_name(ns)
         self.__heartbeat_timeout = heartbeat_timeout
         self.__cancel_on_shutdown = cancel_on_shutdown
         self.__changed = threading.Condition()  # notified when a goal is over
@@ -90,7 +91,6 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """
         rospy.get_rostime()  # raises rospy.ROSInitException before rospy.init_node
         seconds, begun, logged = _seconds(timeout), time.monotonic(), 0.0
-        name = rospy.resolve_name(self.action_client.ns)
         while not rospy.is_shutdown():
             connection, waited = self.__connection(), time.monotonic() - begun
             if connection is not None:
@@ -100,13 +100,13 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                 if not rospy.is_shutdown():
                     return True
             elif waited >= seconds:
-                self.__no_server = "no server of %s within %g s" % (name, seconds)
+                self.__no_server = "no server of %s within %g s" % (self.__name, seconds)
                 return False
             elif waited - logged >= 5:
                 logged = waited
-                log(rospy.logwarn, "waiting for the server of %s for %d s", name, waited)
+                log(rospy.logwarn, "waiting for the server of %s for %d s", self.__name, waited)
             time.sleep(0.01)
-        self.__no_server = "interrupted while waiting for the server of %s" % name
+        self.__no_server = "interrupted while waiting for the server of %s" % self.__name
         return False
 
     def __connection(self):
@@ -254,7 +254,7 @@ class _Goal(actionlib.CommStateMachine):
     server has reported, for a ClientGoalHandle. outcome, was_accepted and is_over are for the client."""
 
     def __init__(self, client, changed, action_goal):
-        super().__init__(action_goal, None, None, client.action_client.manager.send_goal_fn, None)
+        super().__init__(action_goal, None, None, None, None)
         del self.send_cancel_fn  # it would hide the method of that name
         self.client, self.changed, self.id = client, changed, action_goal.goal_id.id
         self.outcome = None  # the terminal state (GoalStatus), set together with the result
