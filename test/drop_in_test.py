@@ -79,6 +79,16 @@ class TestClient(ScriptedCase):
         self.expect(SUCCEEDED)
         self.eventually(lambda: not older(), "the older goal and its result are freed")
 
+    def test_feedback_of_an_older_goal_is_not_called(self):
+        self.connect()
+        self.send("0.2 ACTIVE go feedback 0.1 result:ABORTED")
+        self.wait_state(ACTIVE)
+        older = self.client.gh
+        self.send("0.2 ACTIVE go 0.5 result:SUCCEEDED")
+        self.go()
+        self.expect(SUCCEEDED)
+        self.assertEqual((ABORTED, []), (older.get_terminal_state(), self.feedback))
+
     # Send
 
     def test_id_is_the_node_a_counter_and_the_stamp(self):
@@ -95,6 +105,15 @@ class TestClient(ScriptedCase):
             counters.append(int(counter))
         self.assertEqual(counters[0] + 1, counters[1])
         self.assertLess(counters[1], 1000)
+
+    def test_goal_and_its_header_have_the_stamp_of_now(self):
+        self.connect()
+        begun = rospy.Time.now()
+        self.send("0.2 result:SUCCEEDED")
+        sent = rospy.Time.now()
+        self.eventually(lambda: self.goals, "a goal")
+        for stamp in self.goals[0].header.stamp, self.goals[0].goal_id.stamp:
+            self.assertTrue(begun <= stamp <= sent)
 
     def test_none_is_an_empty_goal(self):
         self.connect()
@@ -164,8 +183,9 @@ class TestClient(ScriptedCase):
         thread.start()
         waiting.wait()
         self.assertFalse(self.client.wait_for_result(rospy.Duration(0.3)))
-        self.send("0.2 ACTIVE 0.3 go 0.3 result:ABORTED")
-        self.go()
+        older = self.client.gh.comm_state_machine.action_goal.goal_id.id
+        self.send("0.2 ACTIVE 0.5 result:ABORTED")
+        self.go_pub.publish(older)  # which is over soon, as on a server with one goal at a time
         thread.join(30)
         self.assertEqual([(True, ABORTED)], ended)
 

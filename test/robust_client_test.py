@@ -509,7 +509,7 @@ class TestRobustClient(ScriptedCase):
 
     def test_goal_that_is_listed_again_soon_is_not_lost(self):
         self.connect()
-        self.send("ACTIVE others unlisted 0.2 ACTIVE 1.5 result:SUCCEEDED")
+        self.send("ACTIVE others unlisted 0.2 ACTIVE 1.5 unlisted 0.2 ACTIVE 0.1 result:SUCCEEDED")
         self.expect(SUCCEEDED)
 
     def test_late_result_is_awaited_while_the_server_lives(self):
