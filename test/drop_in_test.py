@@ -182,7 +182,7 @@ class TestClient(ScriptedCase):
         waiting, thread = threading.Event(), threading.Thread(target=wait)
         thread.start()
         waiting.wait()
-        self.assertFalse(self.client.wait_for_result(rospy.Duration(0.3)))
+        self.assertFalse(self.client.wait_for_result(rospy.Duration(0.25)))
         older = self.client.gh.comm_state_machine.action_goal.goal_id.id
         self.send("0.2 ACTIVE 0.5 result:ABORTED")
         self.go_pub.publish(older)  # which is over soon, as on a server with one goal at a time

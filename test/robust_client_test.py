@@ -73,7 +73,8 @@ class TestRobustClient(ScriptedCase):
         client.action_client.stop()
         with self.assertRaises(rospy.ROSException):
             client.send_goal(script(""))
-        self.assertFalse(client.wait_for_result())
+        self.assertIsNone(client.gh)
+        self.assertFalse(client.wait_for_result(1))
 
     # The goal handle
 

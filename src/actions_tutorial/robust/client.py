@@ -188,7 +188,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             rospy.logerr("Called wait_for_result when no goal exists")
             return False
         with self.__changed:
-            while not goal.is_over or goal.is_replaced():
+            while goal and (not goal.is_over or goal.is_replaced()):
                 now = rospy.get_time()
                 begun = min(begun or now, now)  # simulated time may begin or be set back meanwhile
                 left = seconds - (now - begun)
@@ -197,10 +197,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                 # At most 0.1 s: the clock may be simulated, and a shutdown notifies nobody.
                 self.__changed.wait(min(0.1, left))
                 if goal.is_replaced():
-                    goal = self.__goal  # another thread has sent the next one
-                    if not goal:
-                        return False
-            return True
+                    goal = self.__goal  # another thread has sent the next one, or stopped tracking
+            return goal is not None
 
     @property
     def __goal(self):
