@@ -243,6 +243,7 @@ class TestClient(ScriptedCase):
         program.signal(signal.SIGINT)
         program.expect("PREEMPTED goal PREEMPTED: cancelled")
         program.wait()
+        self.assertNotIn("Traceback", program.stdout + program.stderr)
 
     def test_shutdown_from_done_cb_waits_for_nothing(self):
         program = self.start("ACTIVE 0.2 result:SUCCEEDED", "signals_shutdown")

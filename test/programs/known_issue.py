@@ -119,7 +119,7 @@ def clock_begins_while_waiting_for_result():
 
 
 def goal_in_a_moment_of_simulated_time():
-    SimulatedClock()
+    SimulatedClock().set(rospy.Time(1000))
     client = library.SimpleActionClient("scripted", TestRequestAction)
     client.wait_for_server()
     client.send_goal(TestRequestGoal(result_text="result:SUCCEEDED"))
