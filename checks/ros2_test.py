@@ -201,7 +201,7 @@ def test_ctrl_c_leaves_the_goal_as_the_page_says(ros2):
 
 
 def test_refused_cancel_lists_goals_from_two_on(ros2):
-    ros2.server("action_server", "ACCEPT", "REJECT")
+    ros2.server("action_server", "cancel_callback=self.cancel_cb", "")
     assert ros2.do("""
 goals = []
 for _ in range(5):
