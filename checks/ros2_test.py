@@ -21,7 +21,7 @@ WHEELS = ["colcon-common-extensions"] + ["ros-jazzy-" + name for name in (
     "ament-cmake", "ament-cmake-gmock", "ament-cmake-gtest", "ament-cmake-include-directories", "ament-cmake-pytest",
     "ament-cmake-ros", "ament-package", "python-cmake-module", "rclpy[fastrtps]", "rosidl-core-generators",
     "rosidl-default-generators")]
-# For a small client: what it does is written after this.
+# A small client; what it does is appended.
 CLIENT = """
 import rclpy
 from action_msgs.srv import CancelGoal
@@ -205,13 +205,13 @@ def test_refused_cancel_lists_goals_from_two_on(ros2):
     assert ros2.do("""
 goals = []
 for _ in range(5):
-    goals.append(send(2))
+    goals.append(send(5))
     cancel()
 print([value(goal.get_result_async()).status for goal in goals])
 """) == ["0 0", "0 1", "0 1", "0 2", "0 2", str([4] * 5)]
 
 
-def test_cancel_of_no_unknown_and_old_goal(ros2):
+def test_cancel_that_stops_no_goal_says_why(ros2):
     ros2.server()
     assert ros2.do("""
 cancel()
