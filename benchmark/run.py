@@ -23,7 +23,7 @@ ROWS = (  # label, figure, factor, and what robust is compared with
 
 def arguments():
     parser = argparse.ArgumentParser(prog="benchmark", description="Prints the table of doc/benchmark.md.")
-    parser.add_argument("--doc", metavar="FOLDER", help="write the page with its pictures, and the demo's picture")
+    parser.add_argument("--doc", metavar="FOLDER", help="write the page with its pictures")
     parser.add_argument("--quick", action="store_true", help="a minute, to see that it works: the figures mean nothing")
     return parser.parse_args()
 
@@ -48,7 +48,7 @@ def machine():
     return "%d cores, %s, Python %s" % (len(os.sched_getaffinity(0)), system, platform.python_version())
 
 
-def write(folder, benchmark, timeline, demo):
+def write(folder, benchmark, timeline):
     """Write doc/benchmark.md with the new table and machine, and the pictures, into folder."""
     import pictures  # not before all is measured: matplotlib takes memory
     doc = os.path.join(os.path.dirname(os.path.dirname(os.path.realpath(__file__))), "doc")
@@ -61,12 +61,11 @@ def write(folder, benchmark, timeline, demo):
         file.write(page)
     pictures.plot(benchmark, os.path.join(folder, "benchmark.svg"))
     pictures.timeline(timeline, os.path.join(folder, "timeline.svg"))
-    pictures.demo(demo, os.path.join(folder, "demo.svg"))
 
 
 def main(args):
     # Not at the top: --help needs no ROS.
-    from samples import FULL, QUICK, Benchmark, record_demo  # first: it finds harness
+    from samples import FULL, QUICK, Benchmark  # first: it finds harness
     from harness import Master
     import rospy
     begun, plan = time.monotonic(), QUICK if args.quick else FULL
@@ -86,7 +85,7 @@ def main(args):
             benchmark.measure_bursts()
             if args.doc:
                 say("the pictures: 20 s")
-                write(args.doc, benchmark, benchmark.timeline(), record_demo(master))
+                write(args.doc, benchmark, benchmark.timeline())
         finally:
             rospy.signal_shutdown("done")
     print("%s\n%s. %d s." % (table(benchmark), machine(), time.monotonic() - begun))
