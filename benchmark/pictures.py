@@ -1,6 +1,4 @@
 """The pictures, as SVG: the same bytes for the same samples."""
-from xml.sax.saxutils import escape
-
 import matplotlib
 from matplotlib import pyplot
 
@@ -79,22 +77,3 @@ def draw_goal(axes, y, goal):
 
 def milliseconds(seconds):
     return "%.*f ms" % (seconds < 0.01, 1e3 * seconds)
-
-
-def demo(lines, path):
-    """Draw a terminal that shows the lines [(s, text)] at their times, again and again; all, where nothing moves."""
-    begin, pause = 1, 4  # s
-    lines = [(0, "$ ./tutorial demo")] + [(begin + at, text) for at, text in lines]
-    length, height = max(at for at, _ in lines) + pause, 20 * len(lines) + 66
-    style, body = [], []
-    for i, (at, text) in enumerate(lines):
-        style.append("@keyframes l%d{0%%{opacity:0}%.1f%%,to{opacity:1}}" % (i, 100 * at / length) if at else "")
-        body.append('<text x="18" y="%d" style="animation-name:l%d">%s</text>' % (62 + 20 * i, i, escape(text)))
-    with open(path, "w", encoding="utf-8") as file:
-        file.write("\n".join([
-            '<svg xmlns="http://www.w3.org/2000/svg" xml:space="preserve" width="640" height="%d">' % height, "<style>",
-            "text{font:15px Consolas,Menlo,'DejaVu Sans Mono',monospace;fill:#b9c0cb;"
-            "animation:%.1fs step-end infinite}" % length, *filter(None, style), "</style>",
-            '<rect width="100%" height="100%" rx="5" fill="#282d35"/>',
-            *('<circle cx="%d" cy="20" r="6" fill="%s"/>' % circle
-              for circle in ((20, "#ff5f58"), (40, "#ffbd2e"), (60, "#18c132"))), *body, "</svg>", ""]))

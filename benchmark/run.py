@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 """Measures the action servers of this package beside a node without actionlib: ./tutorial benchmark."""
 import argparse
-import contextlib
 import gc
 import os
 import platform
@@ -10,10 +9,6 @@ import signal
 import subprocess
 import sys
 import time
-
-from samples import FULL, QUICK, Benchmark, record_demo  # first: it finds harness
-from harness import PACKAGE, Master
-import rospy
 
 COLUMNS = {"floor": "floor", "plain": "`action_server.py`", "hz20": "the same at 20 Hz",
            "robust": "`robust_action_server.py`"}
@@ -28,7 +23,7 @@ ROWS = (  # label, figure, factor, and what robust is compared with
 
 def arguments():
     parser = argparse.ArgumentParser(prog="benchmark", description="Prints the table of doc/benchmark.md.")
-    parser.add_argument("--doc", metavar="FOLDER", help="write the page with its pictures, and the demo's picture")
+    parser.add_argument("--doc", metavar="FOLDER", help="write the page with its pictures")
     parser.add_argument("--quick", action="store_true", help="a minute, to see that it works: the figures mean nothing")
     return parser.parse_args()
 
@@ -53,10 +48,11 @@ def machine():
     return "%d cores, %s, Python %s" % (len(os.sched_getaffinity(0)), system, platform.python_version())
 
 
-def write(folder, benchmark, timeline, demo):
+def write(folder, benchmark, timeline):
     """Write doc/benchmark.md with the new table and machine, and the pictures, into folder."""
     import pictures  # not before all is measured: matplotlib takes memory
-    with open(os.path.join(PACKAGE, "doc", "benchmark.md"), encoding="utf-8") as file:
+    doc = os.path.join(os.path.dirname(os.path.dirname(os.path.realpath(__file__))), "doc")
+    with open(os.path.join(doc, "benchmark.md"), encoding="utf-8") as file:
         page = file.read()
     page = re.sub(r"(^\|.*\n)+", lambda _: table(benchmark), page, 1, re.M)
     page = re.sub(r"^Measured on .*", lambda _: "Measured on %s." % machine(), page, 1, re.M)
@@ -65,10 +61,13 @@ def write(folder, benchmark, timeline, demo):
         file.write(page)
     pictures.plot(benchmark, os.path.join(folder, "benchmark.svg"))
     pictures.timeline(timeline, os.path.join(folder, "timeline.svg"))
-    pictures.demo(demo, os.path.join(folder, "demo.svg"))
 
 
 def main(args):
+    # Not at the top: --help needs no ROS.
+    from samples import FULL, QUICK, Benchmark  # first: it finds harness
+    from harness import Master
+    import rospy
     begun, plan = time.monotonic(), QUICK if args.quick else FULL
     gc.disable()  # it takes up to 0.2 s in the midst of a sample
     with Master() as master:
@@ -86,10 +85,9 @@ def main(args):
             benchmark.measure_bursts()
             if args.doc:
                 say("the pictures: 20 s")
-                write(args.doc, benchmark, benchmark.timeline(), record_demo(master))
+                write(args.doc, benchmark, benchmark.timeline())
         finally:
-            with contextlib.suppress(AttributeError):  # Debian 11's rospy calls Thread.isAlive
-                rospy.signal_shutdown("done")
+            rospy.signal_shutdown("done")
     print("%s\n%s. %d s." % (table(benchmark), machine(), time.monotonic() - begun))
 
 

@@ -130,15 +130,3 @@ class Benchmark:
     def median(self, figure, kind):
         # The floor's only reaction is its answer.
         return statistics.median(self.samples.get((figure, kind)) or self.samples["answer", kind])
-
-
-def record_demo(master):
-    """Run the posts' two nodes. Returns what they print: [(s since the server's start, line)]."""
-    # -u: rospy does not flush what it logs
-    server = master.start(sys.executable, "-u", os.path.join(PACKAGE, "scripts", "action_server.py"))
-    server.expect("waits for goals")
-    client = master.node("action_client.py")
-    client.wait()
-    server.stop()
-    return [(at, text) for at, _, text in server.lines] + [
-        (client.started - server.started + at, text) for at, _, text in client.lines]

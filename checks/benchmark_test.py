@@ -16,5 +16,5 @@ def test_quick_run_has_all_figures_and_pictures(workspace, tmp_path):
         assert len(figures) == 4 and all(float(figure) > 0 for figure in figures)
         assert re.match(r"\d+(\.\d+)? × (floor|plain)$", ratio)
     assert table in (tmp_path / "benchmark.md").read_text(encoding="utf-8")
-    for name in "benchmark.svg", "timeline.svg", "demo.svg":
+    for name in "benchmark.svg", "timeline.svg":
         assert (tmp_path / name).exists(), name
