@@ -13,7 +13,7 @@ import rostest
 
 from actions_tutorial import robust
 from actions_tutorial.msg import WashTheDishesAction
-from harness import ACTIVE, PREEMPTED, SUCCEEDED, RawClient, eventually
+from harness import ABORTED, ACTIVE, PREEMPTED, SUCCEEDED, RawClient, eventually
 
 library = actionlib if os.environ.get("ACTIONLIB") == "plain" else robust
 
@@ -85,6 +85,29 @@ class TestServer(unittest.TestCase):
         self.client.send(2)
         self.expect(older, PREEMPTED)
         self.assertEqual([], calls)
+
+    def test_set_aborted_of_a_subclass_is_called_with_no_lock_held(self):
+        acquired = []
+
+        class Subclass(library.SimpleActionServer):
+            def set_aborted(self, *args):
+                thread = threading.Thread(target=another)
+                thread.start()
+                thread.join(5)
+                super().set_aborted(*args)
+
+        def another():
+            with self.server.action_server.lock:
+                acquired.append(self.server.current_goal.get_goal_status().status)
+
+        def execute_cb(_):
+            raise ValueError("out of soap")
+
+        self.make(Subclass, execute_cb)
+        self.connect()
+        goal = self.client.send(0)
+        self.expect(goal, ABORTED)
+        self.assertEqual([ACTIVE], acquired, "before the goal was over")
 
     def test_server_with_a_lock_of_its_own_serves_goals(self):
         self.check_lock(threading.Lock())
