@@ -169,6 +169,53 @@ class TestServer(unittest.TestCase):
         self.assertGreater(time.monotonic() - begun, 0.9)
         self.program.wait(10)
 
+    def test_goal_that_keeps_the_servers_lock_is_aborted(self):
+        self.start()
+        client = self.connect()
+        goal = self.send_active(client, 900)
+        self.interrupt()
+        client.wait(lambda: client.results.get(goal), "a result")
+        self.assertEqual(ABORTED, client.results[goal][0].status.status)
+        self.program.wait(10)
+
+    def test_server_that_was_stopped_during_a_goal_raises_nothing(self):
+        self.start()
+        client = self.connect()
+        client.send(800)
+        self.program.expect("stopped")
+        self.interrupt()
+        self.program.wait(10)
+        self.assertNotIn("Traceback", self.program.stderr, self.program)
+
+    def test_goals_are_aborted_where_no_thread_can_be_started(self):
+        self.start("no_threads")
+        client = self.connect()
+        first = self.send_active(client, 100)
+        waiting = client.send(1)
+        client.wait(lambda: waiting in client.states, "a goal that waits")
+        self.interrupt()
+        self.expect(client, waiting, RECALLED, SHUTTING_DOWN)
+        self.expect(client, first, ABORTED, SHUTTING_DOWN)
+
+    def test_status_that_is_due_when_the_topics_close_raises_nothing(self):
+        rospy.set_param(self.namespace + "/actionlib_status_frequency", 50)
+        program = self.programs.program("servers_and_clients", ROS_NAMESPACE=self.namespace)
+        program.expect("ready")
+        program.signal(signal.SIGINT)
+        program.wait()
+        self.assertNotIn("Traceback", program.stderr, program)
+
+    def test_signal_just_before_a_rate_waits_ends_its_sleep(self):
+        self.programs.program("interrupted_rate").expect("slept False", timeout=20)
+
+    def test_result_of_20_mb_arrives(self):
+        self.start()
+        client = self.connect()
+        goal = self.send_active(client, 1000)
+        self.interrupt()
+        client.wait(lambda: client.results.get(goal), "a result")
+        self.assertEqual(ABORTED, client.results[goal][0].status.status)
+
     def test_waiting_goal_is_recalled(self):
         self.start()
         client = self.connect()
@@ -240,6 +287,12 @@ class TestClient(ScriptedCase):
 
     def test_client_that_is_stopped_keeps_no_other_from_its_cancel(self):
         program = self.start("ACTIVE cancel result:PREEMPTED", "stops_another")
+        program.signal(signal.SIGINT)
+        program.expect("PREEMPTED goal PREEMPTED: cancelled")
+        program.wait()
+
+    def test_client_that_cannot_be_ended_keeps_no_other_from_its_cancel(self):
+        program = self.start("ACTIVE cancel result:PREEMPTED", "breaks_another")
         program.signal(signal.SIGINT)
         program.expect("PREEMPTED goal PREEMPTED: cancelled")
         program.wait()
