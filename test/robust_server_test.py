@@ -3,6 +3,7 @@
 
 The client is a RawClient, which sends plain messages. What the server does is the execute_cb in each test.
 """
+import logging
 import sys
 import threading
 import time
@@ -221,7 +222,7 @@ class TestRobustServer(unittest.TestCase):
         self.serve(goal_cb=goal_cb, preempt_cb=lambda: self.slept.append(woke.wait(10)) if name != "goal_cb" else None)
         older = self.send_active(2)
         newer = self.client.send(0)
-        self.expect(older, PREEMPTED)
+        self.expect(older, PREEMPTED, "a newer goal came")
         self.expect(newer, SUCCEEDED)
         self.assertEqual([False, True], self.slept)
 
@@ -258,35 +259,33 @@ class TestRobustServer(unittest.TestCase):
         step.set()
         eventually(lambda: self.slept == [False], "a rate that says so", self.client, timeout=10)
 
-    def test_cancel_wakes_rate_after_one_of_a_replaced_goal(self):
-        made, slept = [], []
-
-        def goal_cb():
-            self.server.accept_new_goal()
-            made.append(self.server.rate(0.01))
-
-        self.serve(goal_cb=goal_cb)
-        self.client.send(1)
-        eventually(lambda: len(made) == 1, "a first rate", self.client)
-        goal = self.client.send(2)
-        eventually(lambda: len(made) == 2, "a second rate", self.client)
-        self.assertFalse(made[0].sleep())
-        threading.Thread(target=lambda: slept.append(self.server.rate(0.01).sleep()), daemon=True).start()
-        self.client.wait(lambda: ACTIVE in self.client.states.get(goal, []), "an active goal")
+    def test_cancel_wakes_rate_after_that_of_a_replaced_goal(self):
+        self.serve(goal_cb=lambda: self.started.append(self.server.accept_new_goal().number_of_minutes))
+        self.send_active(1)
+        older_rate = self.server.rate(0.01)
+        goal = self.send_active(2)
+        self.assertFalse(older_rate.sleep())
+        rate = self.server.rate(0.01)
+        threading.Thread(target=lambda: self.slept.append(rate.sleep()), daemon=True).start()
         self.client.cancel(goal)
-        eventually(lambda: slept == [False], "a rate that woke", self.client, timeout=10)
+        eventually(lambda: self.slept == [False], "a rate that woke", self.client, timeout=10)
 
     def test_rate_made_before_the_first_goal_serves_all(self):
         def execute_cb(goal):
             self.started.append(goal.number_of_minutes)
             self.slept.append(rate.sleep())
-            (self.server.set_succeeded if self.slept[-1] else self.server.set_preempted)()
+            while goal.number_of_minutes and rate.sleep():
+                pass
+            (self.server.set_preempted if goal.number_of_minutes else self.server.set_succeeded)()
 
         self.serve(execute_cb)
         rate = self.server.rate(20)
         for _ in range(2):
-            self.expect(self.client.send(1), SUCCEEDED)
-        self.assertEqual([True, True], self.slept)
+            self.expect(self.client.send(0), SUCCEEDED)
+        goal = self.send_active(1)
+        self.client.cancel(goal)
+        self.expect(goal, PREEMPTED)
+        self.assertEqual([True, True], self.slept[:2])
 
     def test_preempt_request_of_the_program_wakes_rate(self):
         self.serve(self.work)
@@ -407,14 +406,16 @@ class TestRobustServer(unittest.TestCase):
     def test_constructor_that_fails_says_nothing_else(self):
         program = Process([sys.executable, "-c", """if True:
             from actions_tutorial import msg, robust
-            for kind, timeout in (int, 1), (msg.WashTheDishesAction, -1):
+            import threading
+            for kind, timeout in (int, 1), (msg.WashTheDishesAction, -1), (msg.WashTheDishesAction, 1):
                 try:
+                    threading.stack_size(1 << 45 if timeout == 1 else 0)  # no thread can be started
                     robust.SimpleActionServer("fails", kind, print, False, shutdown_timeout=timeout)
                 except Exception as error:
                     print(type(error).__name__)"""])
         self.addCleanup(program.stop)
         self.assertEqual(0, program.wait(), program)
-        self.assertEqual((["ActionException", "ValueError"], ""), (program.stdout.split(), program.stderr))
+        self.assertEqual((["ActionException", "ValueError", "RuntimeError"], ""), (program.stdout.split(), program.stderr))
 
     def test_server_stopped_during_a_goal_can_start_again(self):
         def execute_cb(goal):
@@ -569,6 +570,25 @@ class TestRobustServer(unittest.TestCase):
         self.expect(self.client.send(0), ABORTED)
         self.wait_log(self.name + " waits for goals")
         self.wait_log(self.name + ": goal ABORTED: out of soap")
+
+    def test_log_handler_may_wait_for_a_call_of_the_server(self):
+        active = []
+
+        class Handler(logging.Handler):
+            def emit(_, record):
+                if "ABORTED: out of soap" in record.getMessage():
+                    thread = threading.Thread(target=lambda: active.append(self.server.is_active()))
+                    thread.start()
+                    thread.join(5)
+                    active.append("logged")
+
+        handler = Handler()
+        logging.getLogger("rosout").addHandler(handler)
+        self.addCleanup(logging.getLogger("rosout").removeHandler, handler)
+        self.serve(lambda goal: self.server.set_aborted(text="out of soap"))
+        self.expect(self.client.send(0), ABORTED)
+        eventually(lambda: len(active) == 2, "a line of log", self.client)
+        self.assertEqual([False, "logged"], active)
 
     def test_goal_that_succeeded_is_not_logged(self):
         self.serve(lambda goal: self.server.set_aborted() if goal.number_of_minutes else self.server.set_succeeded())

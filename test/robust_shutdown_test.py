@@ -206,7 +206,8 @@ class TestServer(unittest.TestCase):
         self.assertNotIn("Traceback", program.stderr, program)
 
     def test_signal_just_before_a_rate_waits_ends_its_sleep(self):
-        self.programs.program("interrupted_rate").expect("slept False", timeout=20)
+        for line in "with clock", "clock.wait":
+            self.programs.program("interrupted_rate", line).expect("slept False", timeout=20)
 
     def test_result_of_20_mb_arrives(self):
         self.start()
@@ -251,6 +252,15 @@ class TestServer(unittest.TestCase):
         self.interrupt()
         self.expect(client, goal, ABORTED, SHUTTING_DOWN)
         self.assertLess(time.monotonic() - begun, 0.9, "shutdown_timeout is 1 s")
+
+    def test_preempt_callback_that_blocks_delays_no_outcome(self):
+        self.start()
+        client = self.connect("callbacks")
+        goal = self.send_active(client, 1100)
+        self.interrupt()
+        client.wait(lambda: client.results.get(goal), "a result", timeout=10)
+        self.assertEqual(ABORTED, client.results[goal][0].status.status)
+        self.program.wait(10)
 
     def test_hook_of_3_s_ends_and_delays_no_outcome(self):
         self.start("3")

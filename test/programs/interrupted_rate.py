@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""A server's rate whose sleep() SIGINT interrupts in the line before it waits: interrupted_rate.py
+"""A server's rate whose sleep() SIGINT interrupts before a line of it: interrupted_rate.py WORDS
 
-Prints what sleep() returned.
+WORDS: what the line begins with. Prints what sleep() returned.
 """
 import linecache
 import os
@@ -14,11 +14,11 @@ import rospy
 
 
 def trace(frame, event, _):
-    """For sys.settrace: sends SIGINT before the line that waits."""
+    """For sys.settrace: sends SIGINT before the line."""
     file = frame.f_code.co_filename
     if not file.endswith("robust/rate.py"):
         return None
-    if event == "line" and "clock.wait(" in linecache.getline(file, frame.f_lineno):
+    if event == "line" and linecache.getline(file, frame.f_lineno).strip().startswith(sys.argv[1]):
         sys.settrace(None)
         os.kill(os.getpid(), signal.SIGINT)
     return trace

@@ -17,6 +17,7 @@ A goal of n minutes stops when asked to, with n bowls. Others:
 * 800: it stops its server, and works on for a minute.
 * 900: it keeps the server's lock for a minute.
 * 1000: it stops when asked to, with a result of 20 MB.
+* 1100: it works on, and the preempt callback blocks for a minute.
 """
 import os
 import sys
@@ -40,7 +41,9 @@ def work(server, minutes):
     elif minutes == 800:
         server.action_server.stop()
         print("stopped", flush=True)
-    if minutes in (100, 800, 900):
+    elif minutes == 1100:
+        server.register_preempt_callback(lambda: time.sleep(60))
+    if minutes in (100, 800, 900, 1100):
         time.sleep(60)
     elif minutes == 300:
         while not server.is_preempt_requested():

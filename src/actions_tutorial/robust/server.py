@@ -372,8 +372,7 @@ class _ActionServer(actionlib.ActionServer):
             _serialize(self.ActionFeedback(), status=status, feedback=feedback)
         except Exception as error:
             raise rospy.ROSSerializationException(str(error)) from error
-        with self.locked():
-            super().publish_feedback(status, feedback)
+        super().publish_feedback(status, feedback)
 
     def publish_status(self):
         with self.locked():
