@@ -515,7 +515,33 @@ class TestRobustServer(unittest.TestCase):
         self.expect(self.client.send(0), SUCCEEDED)
         self.assertEqual([0, 0], self.started)
 
-    # A goal that is cancelled while it waits
+    # A goal that is over while it waits
+
+    def test_waiting_goal_is_recalled_for_a_newer_one(self):
+        free = threading.Event()
+
+        def execute_cb(goal):
+            self.started.append(goal.number_of_minutes)
+            free.wait(30)
+            self.server.set_preempted()
+
+        self.serve(execute_cb)
+        older = self.send_active(1)
+        waiting = self.client.send(2)
+        self.client.wait(lambda: waiting in self.client.states, "a goal that waits")
+        self.client.send(3)
+        self.expect(waiting, RECALLED, "a newer goal came")
+        self.assertNotIn(older, self.client.results, "RECALLED at once")
+        free.set()
+
+    def test_stamp_of_a_goal_that_was_recalled_is_forgotten(self):
+        self.serve(goal_cb=lambda: self.started.append("came"))
+        waiting = self.client.send(1, stamp=rospy.Time.now() + rospy.Duration(1000))
+        eventually(lambda: self.started, "a goal", self.client)
+        self.client.cancel(waiting)
+        self.expect(waiting, RECALLED)
+        self.server.register_goal_callback(lambda: (self.server.accept_new_goal(), self.server.set_succeeded()))
+        self.expect(self.client.send(0), SUCCEEDED)
 
     def test_accept_new_goal_of_a_goal_cancelled_is_none(self):
         self.serve(goal_cb=lambda: self.started.append("came"))

@@ -211,21 +211,31 @@ class TestServer(unittest.TestCase):
 
     def test_result_of_20_mb_arrives(self):
         self.start()
-        client = self.connect()
+        client = self.connect("second")
         goal = self.send_active(client, 1000)
         self.interrupt()
-        client.wait(lambda: client.results.get(goal), "a result")
-        self.assertEqual(ABORTED, client.results[goal][0].status.status)
+        client.wait(lambda: client.results.get(goal), "a result", timeout=10)
+        self.assertEqual(300000, len(client.results[goal][0].result.dishes_washed))
 
-    def test_waiting_goal_is_recalled(self):
+    def test_waiting_goal_is_recalled_at_once(self):
         self.start()
-        client = self.connect()
+        client = self.connect("second")
         first = self.send_active(client, 100)
         waiting = client.send(1)
         client.wait(lambda: waiting in client.states, "a goal that waits")
         self.interrupt()
         self.expect(client, waiting, RECALLED, SHUTTING_DOWN)
+        self.assertNotIn(first, client.results, "RECALLED at once")
         self.expect(client, first, ABORTED, SHUTTING_DOWN)
+
+    def test_goal_that_comes_after_the_timeout_is_recalled_at_once(self):
+        self.start("5")
+        client = self.connect()
+        goal = self.send_active(client, 100)
+        self.interrupt()
+        self.expect(client, goal, ABORTED, SHUTTING_DOWN)
+        self.expect(client, client.send(1), RECALLED, SHUTTING_DOWN)
+        self.assertNotIn("hook ended", self.program.stdout)
 
     def test_two_servers_end_their_goals_at_once(self):
         self.start()
@@ -301,7 +311,7 @@ class TestClient(ScriptedCase):
         program.expect("PREEMPTED goal PREEMPTED: cancelled")
         program.wait()
 
-    def test_client_that_cannot_be_ended_keeps_no_other_from_its_cancel(self):
+    def test_client_that_raises_keeps_no_other_from_its_cancel(self):
         program = self.start("ACTIVE cancel result:PREEMPTED", "breaks_another")
         program.signal(signal.SIGINT)
         program.expect("PREEMPTED goal PREEMPTED: cancelled")

@@ -16,7 +16,7 @@ A goal of n minutes stops when asked to, with n bowls. Others:
 * 700: it goes on for ten periods of 0.05 s when it should stop.
 * 800: it stops its server, and works on for a minute.
 * 900: it keeps the server's lock for a minute.
-* 1000: it stops when asked to, with a result of 20 MB.
+* 1000: it stops when asked to, with a result of 20 MB, which takes a while to send.
 * 1100: it works on, and the preempt callback blocks for a minute.
 """
 import os
@@ -60,7 +60,9 @@ def work(server, minutes):
         server.rate(0.01).sleep()
         if minutes == 600:
             raise ValueError("out of soap")
-    result = WashTheDishesResult(["x" * 20000000] if minutes == 1000 else ["bowl-%d" % i for i in range(minutes % 100)])
+    result = WashTheDishesResult(["bowl-%d" % i for i in range(minutes % 100)])
+    if minutes == 1000:
+        result.dishes_washed = ["%060d" % i for i in range(300000)]
     server.set_preempted(result, "rinsed" if minutes == 200 else "")
 
 
