@@ -7,12 +7,12 @@ Used of actionlib though its documentation does not list it:
   preempt_callback, current_goal, next_goal, new_goal. It offers no other way to start goals without a poll, or to end
   one that waits.
 * of ActionServer: initialize, publish_result, publish_feedback, internal_goal_callback and internal_cancel_callback,
-  which are overridden; publish_status_async, ns, lock, started, status_list, status_timer, status_frequency,
+  which are overridden; publish_status_async, lock, started, status_list, status_timer, status_frequency,
   last_cancel, result_pub and the message types.
 * of ServerGoalHandle and StatusTracker: status_tracker, goal, status. Reading them needs no lock, which a callback of
   the program may hold.
 
-Threads: one for execute_cb; a rospy.Timer that publishes the status; one that ends the goals on shutdown. Goals and
+Threads: one for execute_cb; a rospy.Timer that publishes the status; on shutdown one that ends the goals. Goals and
 cancels come in rospy's. action_server.lock guards the goals; execute_condition, which is locked after it, is for
 executeLoop alone. What is logged while they are held is written afterwards, by the same thread: see
 _ActionServer.locked().
@@ -302,7 +302,7 @@ class _ActionServer(actionlib.ActionServer):
 
     def __init__(self, name, ActionSpec, goal_cb, cancel_cb):
         super().__init__(name, ActionSpec, goal_cb, cancel_cb, auto_start=False)
-        self.is_shutting_down = False
+        self.name, self.is_shutting_down = name, False
         self.depth, self.lines = 0, []  # of locked(): how often it is entered; [(function, its argument, …)]
 
     @contextlib.contextmanager
@@ -342,7 +342,7 @@ class _ActionServer(actionlib.ActionServer):
 
     def initialize(self):
         super().initialize()
-        self.name = rospy.resolve_name(self.ns)
+        self.name = rospy.resolve_name(self.name)
         if self.status_timer:
             # actionlib's timer ends when the clock is set back.
             self.status_timer.shutdown()
