@@ -506,6 +506,14 @@ class TestRobustServer(unittest.TestCase):
         self.expect(goal, PREEMPTED)
         self.expect(self.client.send(0), SUCCEEDED)
 
+    def test_goal_stamped_before_a_cancel_from_the_future_is_recalled(self):
+        self.serve(self.work)
+        stamp = rospy.Time.now()
+        goal = self.send_active(2)
+        self.client.cancel(stamp=stamp + rospy.Duration(1000))
+        self.expect(goal, PREEMPTED)
+        self.expect(self.client.send(0, stamp=stamp), RECALLED)
+
     def test_repeated_id_is_logged_and_not_executed(self):
         self.serve(self.work)
         for _ in range(2):
@@ -514,6 +522,7 @@ class TestRobustServer(unittest.TestCase):
         self.expect("twice\033[2J", SUCCEEDED)
         self.expect(self.client.send(0), SUCCEEDED)
         self.assertEqual([0, 0], self.started)
+        self.assertEqual(1, len([line for line in self.log if self.name + ": goal ignored" in line.msg]))
 
     # A goal that is over while it waits
 

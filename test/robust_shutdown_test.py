@@ -263,6 +263,15 @@ class TestServer(unittest.TestCase):
         self.expect(client, goal, ABORTED, SHUTTING_DOWN)
         self.assertLess(time.monotonic() - begun, 0.9, "shutdown_timeout is 1 s")
 
+    def test_preempt_callback_without_a_goal_is_not_called(self):
+        self.start()
+        client = self.connect("callbacks")
+        goal = self.send_active(client, 1200)
+        self.expect(client, goal, PREEMPTED, "preempted by the server")
+        self.interrupt()
+        self.program.wait()
+        self.assertNotIn("preempt callback", self.program.stdout)
+
     def test_preempt_callback_that_blocks_delays_no_outcome(self):
         self.start()
         client = self.connect("callbacks")

@@ -18,6 +18,7 @@ A goal of n minutes stops when asked to, with n bowls. Others:
 * 900: it keeps the server's lock for a minute.
 * 1000: it stops when asked to, with a result of 20 MB, which takes a while to send.
 * 1100: it works on, and the preempt callback blocks for a minute.
+* 1200: it stops of its own accord, and the preempt callback prints that it was called.
 """
 import os
 import sys
@@ -36,16 +37,28 @@ shutdown, returns, preempted = threading.Event(), threading.Event(), threading.E
 
 
 def work(server, minutes):
-    if minutes == 900:
-        server.action_server.lock.acquire()
-    elif minutes == 800:
+    if minutes == 800:
         server.action_server.stop()
         print("stopped", flush=True)
+    elif minutes == 900:
+        server.action_server.lock.acquire()
     elif minutes == 1100:
         server.register_preempt_callback(lambda: time.sleep(60))
+    elif minutes == 1200:
+        server.register_preempt_callback(lambda: os.write(1, b"preempt callback\n"))
     if minutes in (100, 800, 900, 1100):
         time.sleep(60)
-    elif minutes == 300:
+    elif minutes != 1200:
+        wait_until_asked(server, minutes)
+    result = WashTheDishesResult(["bowl-%d" % i for i in range(minutes % 100)])
+    if minutes == 1000:
+        result.dishes_washed = ["%060d" % i for i in range(300000)]
+    server.set_preempted(result, "rinsed" if minutes == 200 else "")
+
+
+def wait_until_asked(server, minutes):
+    """Wait until the goal should stop, in the way that minutes stands for."""
+    if minutes == 300:
         while not server.is_preempt_requested():
             time.sleep(0.01)
     elif minutes in (400, 500):
@@ -60,10 +73,6 @@ def work(server, minutes):
         server.rate(0.01).sleep()
         if minutes == 600:
             raise ValueError("out of soap")
-    result = WashTheDishesResult(["bowl-%d" % i for i in range(minutes % 100)])
-    if minutes == 1000:
-        result.dishes_washed = ["%060d" % i for i in range(300000)]
-    server.set_preempted(result, "rinsed" if minutes == 200 else "")
 
 
 def serve(name, shutdown_timeout=1.0):
