@@ -415,7 +415,8 @@ class TestRobustServer(unittest.TestCase):
                     print(type(error).__name__)"""])
         self.addCleanup(program.stop)
         self.assertEqual(0, program.wait(), program)
-        self.assertEqual((["ActionException", "ValueError", "RuntimeError"], ""), (program.stdout.split(), program.stderr))
+        self.assertEqual(["ActionException", "ValueError", "RuntimeError"], program.stdout.split())
+        self.assertEqual("", program.stderr)
 
     def test_server_stopped_during_a_goal_can_start_again(self):
         def execute_cb(goal):
@@ -522,7 +523,8 @@ class TestRobustServer(unittest.TestCase):
         self.expect("twice\033[2J", SUCCEEDED)
         self.expect(self.client.send(0), SUCCEEDED)
         self.assertEqual([0, 0], self.started)
-        self.assertEqual(1, len([line for line in self.log if self.name + ": goal ignored" in line.msg]))
+        lines = [line.msg for line in self.log if self.name + ": goal ignored" in line.msg]
+        self.assertEqual(1, len(lines), lines)
 
     # A goal that is over while it waits
 
