@@ -51,7 +51,7 @@ def test_an_unknown_command_prints_the_usage(machine):
     assert "tutorial demo" in machine.run(machine.tutorial, "wash", status=2).stderr
 
 
-@pytest.mark.parametrize("command", ["demo -h", "test --help", "shell -h", "benchmark 1 -h", "clean -h"])
+@pytest.mark.parametrize("command", ["demo -h", "test --help", "ros -h", "shell -h", "benchmark 1 -h", "clean -h"])
 def test_help_after_a_command_starts_nothing(machine, command):
     shown = machine.run(machine.tutorial, *command.split(), TUTORIAL_WS="/home/learner/help").stdout
     assert shown.startswith("./tutorial " + command.split()[0]) and not (machine.path / "home/learner/help").exists()

@@ -1,5 +1,7 @@
 """What the pages say, without typing it: links, quotes, README.md's states and pictures, the layout.
 
+The action, the service and the programs that a reader saves in his own actions_tutorial are this repository's files.
+
 A block of code is quoted from the file that is linked last in the line above it, or else from the file of the block
 before it. "The whole file [NAME](PATH):" stands above a block that has all of it; in others … on a line stands for
 lines left out. typed_pages_test.py tries the blocks that a reader saves.
@@ -64,7 +66,11 @@ def test_quotes(page):
     """Quoted code is in the file that it comes from, word for word in this order; a diff is the whole difference."""
     sources = []
     for number, language, above, text in blocks_of(page):
-        if language in ("console", "mermaid") or "**Layout" in above or EDIT.search(above):
+        edit = EDIT.search(above)
+        own = edit and re.fullmatch("catkin_ws/src/actions_tutorial/((action|srv|scripts)/.*)", edit.group(2))
+        if own:
+            assert text == text_of(own.group(1)), "line %d: this is not %s" % (number, own.group(1))
+        if language in ("console", "mermaid") or "**Layout" in above or edit:
             continue
         linked = re.findall(r"\]\(([\w/.]+)\)", above)
         sources = [text_of(os.path.join(os.path.dirname(page), file)) for file in linked] or sources

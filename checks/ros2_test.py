@@ -1,5 +1,6 @@
 """doc/ros2.md on real ROS 2: what the page saves is built with colcon, and its programs run. The wheels of ROS 2 Jazzy
-come from pip, for Python 3.12; the command `ros2` is not among them, so the programs are started without it."""
+come from pip, for Python 3.12; the command `ros2` is not among them, so the programs are started without it. The tests
+of what the page changes come last: the changes stay."""
 import glob
 import itertools
 import os
@@ -20,18 +21,34 @@ WHEELS = ["colcon-common-extensions"] + ["ros-jazzy-" + name for name in (
     "ament-cmake", "ament-cmake-gmock", "ament-cmake-gtest", "ament-cmake-include-directories", "ament-cmake-pytest",
     "ament-cmake-ros", "ament-package", "python-cmake-module", "rclpy[fastrtps]", "rosidl-core-generators",
     "rosidl-default-generators")]
-# Cancels all goals, as the page's `ros2 service call` does, and prints how many will stop.
-CANCEL = """
+# A small client; what it does is appended.
+CLIENT = """
 import rclpy
 from action_msgs.srv import CancelGoal
+from dishes_interfaces.action import WashTheDishes
+from rclpy.action import ActionClient
+
+def value(future):
+    rclpy.spin_until_future_complete(node, future)
+    return future.result()
+
+def send(number_of_minutes):
+    return value(client.send_goal_async(WashTheDishes.Goal(number_of_minutes=number_of_minutes)))
+
+def cancel(goal_id=[0] * 16):  # by default all goals, as the page's `ros2 service call` does
+    request = CancelGoal.Request()
+    request.goal_info.goal_id.uuid = goal_id
+    answer = value(service.call_async(request))
+    print(answer.return_code, len(answer.goals_canceling))
+
 rclpy.init()
-node = rclpy.create_node("cancel")
-client = node.create_client(CancelGoal, "/wash_dishes_as/_action/cancel_goal")
-client.wait_for_service()
-future = client.call_async(CancelGoal.Request())
-rclpy.spin_until_future_complete(node, future)
-print(len(future.result().goals_canceling))
+node = rclpy.create_node("client")
+service = node.create_client(CancelGoal, "/wash_dishes_as/_action/cancel_goal")
+client = ActionClient(node, WashTheDishes, "wash_dishes_as")
+client.wait_for_server()
 """
+# Runs a program with one text in place of another.
+REPLACED = "import sys; exec(open(sys.argv[1]).read().replace(*sys.argv[2:])); main()"
 
 
 def python_3_12():
@@ -62,31 +79,45 @@ class Ros2(Group):
         self.clean = enter + ["env", "-i", "HOME=%s" % home, "PATH=%s/bin:/usr/bin:/bin" % venv, "LANG=C.UTF-8",
                               "AMENT_PREFIX_PATH=%s" % venv, "CMAKE_PREFIX_PATH=%s" % venv,
                               "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST"]
-        for step in steps_of(PAGE):
-            if not isinstance(step, tuple):
-                if re.match(r"\$ (mkdir|cp|touch|cd) ", step.typed):
-                    run(*self.clean, "bash", "-c", "cd '%s' && %s" % (ROOT, step.typed[2:]), timeout=300)
-            elif step[0] == "Save this":
-                edit(step[0], home / step[1], step[2])
+        steps = steps_of(PAGE)
+        first = next(number for number, step in enumerate(steps) if isinstance(step, tuple) and step[0] == "Change")
+        self.later = steps[first:]
+        self.follow(steps[:first])
+
+    def follow(self, steps):
+        """Do what a reader does, but for the commands that need ros2."""
+        for step in steps:
+            if isinstance(step, tuple):
+                edit(step[0], self.home / step[1], step[2])
+            elif re.match(r"\$ (mkdir|cp|touch|cd|sed) ", step.typed):
+                run(*self.clean, "bash", "-c", "cd '%s' && %s" % (ROOT, step.typed[2:]), timeout=300)
 
     def start(self, *command):
         """Start a command (str …) in a terminal that knows the workspace. -> Process"""
         source = 'source ~/dishes2_ws/install/setup.bash && exec "$@"'
         return super().start(*self.clean, "bash", "-c", source, "-", *command)
 
-    def server(self):
-        server = self.start(self.programs + "action_server")
+    def server(self, name="action_server", *replaced):
+        """Start a server, with a text (str) in its source replaced by another (str) if they are given. -> Process"""
+        file = str(self.home / "dishes2_ws/src/dishes/dishes" / name) + ".py"
+        server = self.start("python", "-c", REPLACED, file, *replaced) if replaced else self.start(self.programs + name)
         server.expect("wash_dishes_as waits for goals")
         return server
 
     def client(self, number_of_minutes):
         return self.start(self.programs + "action_client", str(number_of_minutes))
 
-    def cancel(self):
-        """Cancel all goals. Returns how many will stop."""
-        cancel = self.start("python", "-c", CANCEL)
-        assert cancel.wait() == 0, str(cancel)
-        return int(cancel.stdout)
+    def washing_client(self):
+        """Start a client of a long goal and wait for its second bowl. -> Process"""
+        client = self.client(60)
+        client.expect("bowl-1")
+        return client
+
+    def do(self, what):
+        """Let a small client do something (str, Python). Returns the lines (list of str) that it prints."""
+        client = self.start("python", "-c", CLIENT + what)
+        assert client.wait() == 0, str(client)
+        return client.stdout.splitlines()
 
 
 @pytest.fixture(scope="module")
@@ -111,6 +142,11 @@ def ros2(installed):
         yield installed
 
 
+@pytest.fixture(scope="module")
+def changed(installed):
+    installed.follow(installed.later)
+
+
 def check_output(client, status, typed):
     """Expect an exit status of a client (Process), and the output that the page shows below what is typed (str)."""
     assert client.wait() == status, "expected exit status %d of %s" % (status, client)
@@ -128,6 +164,14 @@ def bowls_in(client):
     return [re.findall(r"bowl-\d+", part) for part in client.stdout.split("The result is: ")]
 
 
+def check_stopped(client, outcome):
+    """Expect that a client (Process) prints the bowls so far as its result, and an outcome (str)."""
+    assert client.wait() == 1, str(client)
+    feedback, result = bowls_in(client)
+    assert feedback == result == bowls(len(result)) and 2 <= len(result) < 60, str(client)
+    assert client.stderr == outcome + "\n", str(client)
+
+
 def test_goals_end_as_the_page_shows(ros2):
     server = ros2.server()
     check_output(ros2.client(3), 0, "ros2 run dishes action_client 3")
@@ -137,36 +181,90 @@ def test_goals_end_as_the_page_shows(ros2):
 
 def test_cancelled_goal_has_its_partial_result(ros2):
     ros2.server()
-    client = ros2.client(60)
-    client.expect("bowl-1")
+    client = ros2.washing_client()
     newer = ros2.client(1)
     assert newer.wait() == 0 and client.running(), "expected a newer goal to run beside: %s\n%s" % (newer, client)
-    assert ros2.cancel() == 1
+    assert ros2.do("cancel()") == ["0 1"]
     check_output(client, 1, "ros2 run dishes action_client 60")
-    feedback, result = bowls_in(client)
-    assert feedback == result == bowls(len(result)) and 2 <= len(result) < 60, str(client)
+    check_stopped(client, "CANCELED")
 
 
 def test_ctrl_c_leaves_the_goal_as_the_page_says(ros2):
-    server, client, other = ros2.server(), ros2.client(60), ros2.client(60)
-    for one in client, other:
-        one.expect("bowl-0")
+    server, client, other = ros2.server(), ros2.washing_client(), ros2.washing_client()
     client.signal(signal.SIGINT)
     assert client.wait() == 1, str(client)
-    assert ros2.cancel() == 2, "expected both goals to go on"
-    assert other.wait() == 1
-    client = ros2.client(60)
-    client.expect("bowl-0")
+    assert ros2.do("cancel()") == ["0 2"], "expected both goals to go on"
+    check_stopped(other, "CANCELED")
+    client = ros2.washing_client()
     server.signal(signal.SIGINT)
     assert server.wait() == 0 and client.running(), "expected no outcome: %s\n%s" % (server, client)
 
 
-def test_cancel_is_refused_without_cancel_callback(ros2):
-    change, = (step for step in steps_of(PAGE) if isinstance(step, tuple) and step[0] == "Change")
-    edit(change[0], ros2.home / change[1], change[2])
-    run(*ros2.clean, "bash", "-c", "cd ~/dishes2_ws && colcon build --packages-select dishes")
+def test_refused_cancel_lists_goals_from_two_on(ros2):
+    ros2.server("action_server", "cancel_callback=self.cancel_cb", "")
+    assert ros2.do("""
+goals = []
+for _ in range(5):
+    goals.append(send(5))
+    cancel()
+print([value(goal.get_result_async()).status for goal in goals])
+""") == ["0 0", "0 1", "0 1", "0 2", "0 2", str([4] * 5)]
+
+
+def test_cancel_that_stops_no_goal_says_why(ros2):
     ros2.server()
-    client = ros2.client(4)
-    client.expect("bowl-1")
-    assert ros2.cancel() == 0
-    assert client.wait() == 0 and bowls_in(client) == [bowls(4), bowls(4)], str(client)
+    assert ros2.do("""
+cancel()
+cancel([1] * 16)
+goal = send(0)
+value(goal.get_result_async())
+cancel(goal.goal_id.uuid)
+""") == ["0 0", "2 0", "3 0"]
+
+
+def test_newer_goal_aborts_the_older_one(ros2):
+    ros2.server("single_goal_server")
+    older, newer = ros2.washing_client(), ros2.client(1)
+    assert newer.wait() == 0 and bowls_in(newer) == [bowls(1), bowls(1)], str(newer)
+    check_stopped(older, "ABORTED")
+    refused = ros2.client(-3)
+    assert refused.wait() == 1 and refused.stderr == "the server has refused the goal\n", str(refused)
+
+
+def test_canceled_needs_a_cancel(ros2):
+    server = ros2.server("action_server", "goal_handle.succeed()", "goal_handle.canceled()")
+    client = ros2.client(1)
+    assert client.wait() == 1 and bowls_in(client) == [bowls(1), []] and client.stderr == "ABORTED\n", str(client)
+    server.expect("invalid transition from state EXECUTING with event CANCELED")
+    server.stop()
+    server = ros2.server("single_goal_server", "self.newest.abort", "self.newest.canceled")
+    ros2.washing_client()
+    ros2.client(1)
+    server.expect(", in spin$")
+
+
+def test_busy_client_counts_and_cancels(ros2):
+    ros2.server("single_goal_server")
+    check_output(ros2.start(ros2.programs + "busy_client"), 0, "ros2 run dishes busy_client")
+
+
+def test_changed_client_cancels_at_ctrl_c(ros2, changed):
+    ros2.server("single_goal_server")
+    client = ros2.washing_client()
+    client.signal(signal.SIGINT)
+    check_stopped(client, "CANCELED")
+
+
+def test_changed_server_aborts_at_ctrl_c(ros2, changed):
+    server = ros2.server("single_goal_server")
+    client = ros2.washing_client()
+    server.signal(signal.SIGINT)
+    check_stopped(client, "ABORTED")
+    assert server.wait() == 0 and "Traceback" not in server.stderr, str(server)
+
+
+def test_changed_client_notices_that_the_server_is_gone(ros2, changed):
+    server = ros2.server()
+    client = ros2.washing_client()
+    server.signal(signal.SIGINT)
+    assert client.wait() == 1 and client.stderr == "the server is gone\n", str(client)

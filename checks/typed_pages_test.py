@@ -32,9 +32,9 @@ NOISE = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]|\x1b\][^\x07]*\x07|\x07|\r(?=\n)"
                    r"|(Error in atexit._run_exitfuncs:\r?\n)?Traceback .*\n(  .*\n)+AttributeError: .* 'isAlive'\r?\n"
                    r"|\[WARN\] .*: Inbound TCP/IP connection failed: .*\n"
                    r"|\[ERROR\] .*: Got a transition callback on .*\n"
-                   r"|waiting for another \./tutorial …\r?\n|\(actions_tutorial\) (?=%s)" % PROMPT)
+                   r"|waiting for another \./tutorial …\r?\n|\((ros|actions_tutorial)\) (?=%s)" % PROMPT)
 KEYS = {"TAB": "\t", "BACKSPACE": "\x7f"}
-SEQUELS = {"README.md": "doc/robust.md"}
+SEQUELS = {"README.md": "doc/second_lesson.md"}
 
 
 def steps_of(page):

@@ -1,28 +1,246 @@
 #!/usr/bin/env python3
-"""What programs for actionlib, and subclasses of its classes, rely on. Each test passes on actionlib and on robust.
+"""What a program finds that only changes its import: each test passes on robust and on plain actionlib.
 
-ACTIONLIB=plain in the environment tries actionlib instead of robust.
+ACTIONLIB=plain in the environment tries actionlib. drop_in.test runs both.
 """
+import gc
 import os
 import threading
+import time
 import unittest
+import weakref
 
 import actionlib
+from actionlib import CommState, SimpleGoalState
+from actionlib.msg import (
+    TestRequestAction, TestRequestActionFeedback, TestRequestActionGoal, TestRequestActionResult, TestRequestGoal)
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 import rospy
 import rostest
 
 from actions_tutorial import robust
 from actions_tutorial.msg import WashTheDishesAction
 from harness import ABORTED, ACTIVE, PREEMPTED, SUCCEEDED, RawClient, eventually
+from scripted import ScriptedCase, script
 
-library = actionlib if os.environ.get("ACTIONLIB") == "plain" else robust
+LIBRARY = actionlib if os.environ.get("ACTIONLIB") == "plain" else robust
+
+
+class TestClient(ScriptedCase):
+    """The scripts begin with 0.2: actionlib's client loses an answer that comes before send_goal returns."""
+
+    library = LIBRARY
+
+    # Attributes
+
+    def test_callbacks_of_a_subclass_are_called(self):
+        calls = []
+
+        class Guard(self.library.SimpleActionClient):
+
+            def done_cb(self, state, result):
+                calls.append("done")
+
+            def active_cb(self):
+                calls.append("active")
+
+            def feedback_cb(self, feedback):
+                calls.append("feedback")
+
+        client = Guard("scripted", TestRequestAction)
+        self.assertTrue(client.wait_for_server(rospy.Duration(30)))
+        client.send_goal(script("0.2 ACTIVE 0.2 feedback 0.2 result:SUCCEEDED"), client.done_cb, client.active_cb,
+                         client.feedback_cb)
+        self.assertTrue(client.wait_for_result(rospy.Duration(30)))
+        self.assertEqual(["active", "feedback", "done"], calls)
+
+    def test_callbacks_are_attributes_from_send_goal_on(self):
+        self.connect()
+        names = "done_cb", "active_cb", "feedback_cb"
+        self.assertEqual([False] * 3, [hasattr(self.client, name) for name in names])
+        self.client.send_goal(script("0.2 result:SUCCEEDED"))
+        self.assertEqual([None] * 3, [getattr(self.client, name) for name in names])
+
+    def test_simple_state_is_pending_then_active_then_done(self):
+        self.connect()
+        self.assertEqual(SimpleGoalState.DONE, self.client.simple_state)
+        self.send("0.2 PENDING go ACTIVE go result:ABORTED")
+        self.assertEqual(SimpleGoalState.PENDING, self.client.simple_state)
+        for state in SimpleGoalState.ACTIVE, SimpleGoalState.DONE:
+            self.go()
+            self.eventually(lambda: self.client.simple_state == state, "simple_state %d" % state)
+
+    def test_older_goal_is_freed_without_the_collector(self):
+        self.connect()
+        gc.disable()
+        self.addCleanup(gc.enable)
+        self.send("0.2 ACTIVE 0.1 result:SUCCEEDED")
+        self.expect(SUCCEEDED)
+        older = weakref.ref(self.client.gh.comm_state_machine)
+        self.send("0.2 ACTIVE 0.1 result:SUCCEEDED")
+        self.expect(SUCCEEDED)
+        self.eventually(lambda: not older(), "the older goal and its result are freed")
+
+    def test_feedback_of_an_older_goal_is_not_called(self):
+        self.connect()
+        self.send("0.2 ACTIVE go feedback 0.1 result:ABORTED")
+        self.wait_state(ACTIVE)
+        older = self.client.gh
+        self.send("0.2 ACTIVE go 0.5 result:SUCCEEDED")
+        self.go()
+        self.expect(SUCCEEDED)
+        self.assertEqual((ABORTED, []), (older.get_terminal_state(), self.feedback))
+
+    # Send
+
+    def test_id_is_the_node_a_counter_and_the_stamp(self):
+        counters = []
+        self.connect()
+        for _ in range(2):
+            self.send("0.2 result:SUCCEEDED")
+            self.expect(SUCCEEDED)
+            goal_id = self.client.gh.comm_state_machine.action_goal.goal_id
+            node, counter, stamp = goal_id.id.split("-")
+            self.assertEqual(rospy.get_name(), node)
+            self.assertRegex(stamp, r"^\d+\.\d{3}")
+            self.assertLess(abs(float(stamp) - goal_id.stamp.to_sec()), 0.001)
+            counters.append(int(counter))
+        self.assertEqual(counters[0] + 1, counters[1])
+        self.assertLess(counters[1], 1000)
+
+    def test_goal_and_its_header_have_the_stamp_of_now(self):
+        self.connect()
+        begun = rospy.Time.now()
+        self.send("0.2 result:SUCCEEDED")
+        sent = rospy.Time.now()
+        self.eventually(lambda: self.goals, "a goal")
+        for stamp in self.goals[0].header.stamp, self.goals[0].goal_id.stamp:
+            self.assertTrue(begun <= stamp <= sent)
+
+    def test_none_is_an_empty_goal(self):
+        self.connect()
+        self.client.send_goal(None)
+        self.eventually(lambda: self.goals, "a goal")
+        self.assertEqual(TestRequestGoal(), self.goals[0].goal)
+
+    # Cancel
+
+    def test_cancel_of_a_goal_that_the_client_calls_lost_is_sent(self):
+        self.connect()
+        self.send("0.2 ACTIVE 0.2 unlisted cancel feedback")
+        self.expect(GoalStatus.LOST)
+        self.client.cancel_goal()
+        self.eventually(lambda: self.cancels, "a cancel")
+
+    def test_cancelled_goal_that_no_status_lists_is_lost(self):
+        self.connect()
+        self.send("cancel")
+        self.eventually(lambda: self.goals, "the goal")
+        self.client.cancel_goal()
+        self.expect(GoalStatus.LOST)
+
+    def test_comm_state_waits_for_cancel_ack_though_active_is_listed(self):
+        self.connect()
+        self.send("0.2 ACTIVE cancel 0.3 PREEMPTING go result:PREEMPTED")
+        self.wait_state(ACTIVE)
+        seen = []
+        rospy.Subscriber("scripted/status", GoalStatusArray, lambda message: seen.append(
+            (self.client.gh.get_comm_state(), message.status_list[0].status)))
+        self.client.cancel_goal()
+        self.eventually(lambda: (CommState.WAITING_FOR_CANCEL_ACK, ACTIVE) in seen[1:], "it waits")
+        self.eventually(lambda: self.client.gh.get_comm_state() == CommState.PREEMPTING, "PREEMPTING")
+        self.go()
+        self.expect(PREEMPTED)
+
+    # Waits
+
+    def test_server_without_one_of_its_topics_is_not_connected(self):
+        makers = {"goal": lambda name: rospy.Subscriber(name, TestRequestActionGoal),
+                  "cancel": lambda name: rospy.Subscriber(name, GoalID),
+                  "status": lambda name: rospy.Publisher(name, GoalStatusArray, latch=True, queue_size=1),
+                  "feedback": lambda name: rospy.Publisher(name, TestRequestActionFeedback, queue_size=1),
+                  "result": lambda name: rospy.Publisher(name, TestRequestActionResult, queue_size=1)}
+        for missing in makers:
+            action = "without_" + missing
+            topics = {topic: make(action + "/" + topic) for topic, make in makers.items() if topic != missing}
+            client = self.library.SimpleActionClient(action, TestRequestAction)
+            if missing != "status":
+                topics["status"].publish()
+            self.assertFalse(client.wait_for_server(rospy.Duration(0.7)), missing)
+            topics[missing] = makers[missing](action + "/" + missing)
+            topics["status"].publish()
+            self.assertTrue(client.wait_for_server(rospy.Duration(30)), missing)
+
+    def test_wait_for_result_follows_a_goal_that_is_sent_meanwhile(self):
+        self.connect()
+        self.send("0.2 ACTIVE go result:PREEMPTED")
+        self.wait_state(ACTIVE)
+        ended = []
+
+        def wait():
+            waiting.set()
+            ended.append((self.client.wait_for_result(rospy.Duration(30)), self.client.get_state()))
+
+        waiting, thread = threading.Event(), threading.Thread(target=wait)
+        thread.start()
+        waiting.wait()
+        self.assertFalse(self.client.wait_for_result(rospy.Duration(0.25)))
+        older = self.client.gh.comm_state_machine.action_goal.goal_id.id
+        self.send("0.2 ACTIVE 0.5 result:ABORTED")
+        self.go_pub.publish(older)  # which is over soon, as on a server with one goal at a time
+        thread.join(30)
+        self.assertEqual([(True, ABORTED)], ended)
+
+    def test_done_cb_is_called_when_active_cb_has_returned(self):
+        self.connect()
+        self.send("0.2 ACTIVE 0.1 result:SUCCEEDED", active_cb=lambda: time.sleep(0.5) or self.active.append(True),
+                  done_cb=lambda *_: self.done.append(list(self.active)))
+        self.expect(SUCCEEDED)
+        self.assertEqual([[True]], self.done)
+
+    def test_done_condition_is_notified_when_the_goal_is_over(self):
+        self.connect()
+        woken = []
+
+        def wait():
+            with self.client.done_condition:
+                waiting.set()
+                self.client.done_condition.wait(30)
+                woken.append(self.client.simple_state)
+
+        waiting, thread = threading.Event(), threading.Thread(target=wait)
+        thread.start()
+        waiting.wait()
+        with self.client.done_condition:  # the thread waits
+            pass
+        self.send("0.2 ACTIVE go result:SUCCEEDED")
+        self.wait_state(ACTIVE)
+        self.go()
+        thread.join(30)
+        self.assertEqual([SimpleGoalState.DONE], woken)
+
+    def test_done_condition_may_be_held_during_all_calls(self):
+        self.connect()
+
+        def work():
+            with self.client.done_condition:
+                for number in range(20):
+                    self.client.send_goal(script("0.05 ACTIVE 0.01 result:SUCCEEDED", number))
+                    self.client.get_state()
+                    if self.client.wait_for_result(rospy.Duration(10)):
+                        results.append(self.client.get_result().the_result)
+
+        results, thread = [], threading.Thread(target=work, daemon=True)
+        thread.start()
+        thread.join(30)
+        self.assertEqual(list(range(20)), results)
 
 
 class TestServer(unittest.TestCase):
 
     @classmethod
     def setUpClass(cls):
-        rospy.init_node("drop_in_test")
+        rospy.init_node("test")
 
     def setUp(self):
         self.namespace, self.started, self.free = "/" + self.id().split(".")[-1], [], threading.Event()
@@ -32,7 +250,7 @@ class TestServer(unittest.TestCase):
     def make(self, kind=None, execute_cb=None, auto_start=False):
         """Make self.server: of this class instead of the library's, without a callback if execute_cb is False."""
         callback = None if execute_cb is False else execute_cb or self.work
-        self.server = (kind or library.SimpleActionServer)(
+        self.server = (kind or LIBRARY.SimpleActionServer)(
             self.namespace + "/wash_dishes_as", WashTheDishesAction, callback, auto_start)
 
     def connect(self):
@@ -61,7 +279,7 @@ class TestServer(unittest.TestCase):
     def test_constructor_does_not_call_start_of_a_subclass(self):
         calls = []
 
-        class Subclass(library.SimpleActionServer):
+        class Subclass(LIBRARY.SimpleActionServer):
             def start(self):
                 calls.append("start")
 
@@ -73,7 +291,7 @@ class TestServer(unittest.TestCase):
     def test_accept_new_goal_calls_no_set_preempted_of_a_subclass(self):
         calls = []
 
-        class Subclass(library.SimpleActionServer):
+        class Subclass(LIBRARY.SimpleActionServer):
             def set_preempted(self, *_):
                 calls.append("set_preempted")
 
@@ -89,7 +307,7 @@ class TestServer(unittest.TestCase):
     def test_set_aborted_of_a_subclass_is_called_with_no_lock_held(self):
         acquired = []
 
-        class Subclass(library.SimpleActionServer):
+        class Subclass(LIBRARY.SimpleActionServer):
             def set_aborted(self, *args):
                 thread = threading.Thread(target=another)
                 thread.start()

@@ -11,7 +11,7 @@ import time
 
 import actionlib
 from actionlib.msg import TestRequestAction, TestRequestGoal
-from actionlib_msgs.msg import GoalID, GoalStatus
+from actionlib_msgs.msg import GoalStatus
 import rospy
 import rostest
 
@@ -53,11 +53,6 @@ class TestKnownIssues(ScriptedCase):
         self.addCleanup(self.raw.close)
 
     # Servers
-
-    def test_actionlib_4_goal_while_another_is_accepted(self):
-        self.serve("issue_4")
-        goals = [self.raw.send(0) for _ in range(100)]
-        self.assertEqual(SUCCEEDED, self.raw.wait_result(goals[-1]).status.status)
 
     def test_actionlib_117_goal_after_the_clock_was_set_back(self):
         self.assertEqual("SUCCEEDED", self.finding("clock_set_back_after_a_goal"))
@@ -125,20 +120,10 @@ class TestKnownIssues(ScriptedCase):
             self.raw.wait_result(self.raw.send(0))
         self.assertLess(time.monotonic() - begun, 1.6)
 
-    def test_pr2_common_145_goal_sent_before_the_server_starts(self):
-        publisher = rospy.Publisher(
-            "issue_145/wash_dishes_as/goal", msg.WashTheDishesActionGoal, latch=True, queue_size=1)
-        publisher.publish(goal_id=GoalID(id="early"))
-        self.serve("issue_145")
-        eventually(lambda: SUCCEEDED in self.raw.states.get("early", []), "an outcome", self.raw, timeout=10)
-
     # Waiting for a server
 
     def test_actionlib_19_wait_for_server_without_a_clock_ends(self):
         self.assertEqual("ends", self.finding("no_clock_while_waiting_for_server"))
-
-    def test_own_connected_server_is_found_without_a_clock(self):
-        self.assertEqual("[True, True]", self.finding("no_clock_and_a_server"))
 
     def test_actionlib_137_clock_that_begins_ends_no_wait(self):
         self.assertEqual("[True]", self.finding("clock_begins_while_waiting_for_server"))
@@ -147,20 +132,6 @@ class TestKnownIssues(ScriptedCase):
         nobody = self.library.SimpleActionClient("nobody", TestRequestAction)
         self.assertFalse(nobody.wait_for_server(rospy.Duration(5.5)))
         self.assertTrue([line for line in self.log if "/nobody" in line.msg], "a line that names it")
-
-    def test_ros_comm_209_remapped_topics(self):
-        topics = "goal", "cancel", "status", "feedback", "result"
-        remappings = ["here/%s:=scripted/%s" % (topic, topic) for topic in topics]
-        self.assertEqual("SUCCEEDED", self.finding("remapped", *remappings, simulated=False))
-
-    def test_own_killed_server_is_not_found(self):
-        programs = Programs()
-        self.addCleanup(programs.stop)
-        programs.program("scripted_server", ROS_NAMESPACE="/killed")
-        client = self.library.SimpleActionClient("killed/scripted", TestRequestAction)
-        self.assertTrue(client.wait_for_server(rospy.Duration(30)))
-        programs.stop()
-        self.eventually(lambda: not client.wait_for_server(rospy.Duration(0.1)), "no server any more")
 
     # Goal and outcome
 
@@ -210,23 +181,6 @@ class TestKnownIssues(ScriptedCase):
         self.assertEqual(SUCCEEDED, self.client.send_goal_and_wait(script("0.1 result:SUCCEEDED"), 5, 5.0))
 
     # Callbacks
-
-    def test_actionlib_57_feedback_of_an_older_goal(self):
-        self.connect()
-        self.send("ACTIVE go feedback result:PREEMPTED")
-        self.wait_state(ACTIVE)
-        self.send("ACTIVE go 0.3 result:SUCCEEDED", 2)
-        self.wait_state(ACTIVE)
-        self.go()
-        self.expect(SUCCEEDED, 2)
-        self.assertEqual([], self.feedback)
-        self.assertEqual([], [line.msg for line in self.log if "tracking" in line.msg])
-
-    def test_actionlib_150_done_cb_has_run_when_the_wait_ends(self):
-        self.connect()
-        self.send("0.1 result:SUCCEEDED", done_cb=lambda *_: time.sleep(0.3) or self.done.append("done"))
-        self.expect(SUCCEEDED)
-        self.assertEqual(["done"], self.done)
 
     def test_actionlib_193_goal_sent_from_done_cb(self):
         self.connect()

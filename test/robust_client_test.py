@@ -3,10 +3,14 @@
 
 The server is programs/scripted_server.py. Each goal is a script of what it does: `ACTIVE go result:SUCCEEDED`.
 """
+import ctypes
+import gc
 import math
+import signal
 import sys
 import threading
 import time
+import weakref
 
 import actionlib
 from actionlib import CommState
@@ -48,28 +52,29 @@ class TestRobustClient(ScriptedCase):
         self.client.send_goal(goal)
         self.expect(SUCCEEDED, 2)
 
-    def test_id_has_three_parts_the_last_one_the_stamp(self):
-        self.connect()
-        self.send("result:SUCCEEDED")
-        self.expect(SUCCEEDED)
-        goal_id = self.client.gh.comm_state_machine.action_goal.goal_id
-        name, _, stamp = goal_id.id.split("-")
-        self.assertTrue(name.startswith(rospy.get_name()), name)
-        self.assertEqual("%d.%d" % (goal_id.stamp.secs, goal_id.stamp.nsecs), stamp)
-
     def test_action_goal_is_a_type_error_that_says_which_type(self):
         self.connect()
         with self.assertRaisesRegex(TypeError, "must be of type actionlib/TestRequestGoal, not .*ActionGoal"):
             self.client.send_goal(TestRequestActionGoal())
-        with self.assertRaises(TypeError):
+        with self.assertRaisesRegex(TypeError, "must be of type actionlib/TestRequestGoal, not str"):
             self.client.send_goal("wash")
+
+    def test_goal_that_is_refused_leaves_the_goal_before_it_tracked(self):
+        self.connect()
+        self.send("ACTIVE go result:SUCCEEDED")
+        self.wait_state(ACTIVE)
+        self.assertRaises(TypeError, self.client.send_goal, "wash")
+        self.go()
+        self.expect(SUCCEEDED)
+        self.assertEqual(([(SUCCEEDED, 0)], 1), (self.done, len(self.goals)))
 
     def test_send_goal_after_stop_raises_and_leaves_no_goal(self):
         client = robust.SimpleActionClient("nobody", TestRequestAction)
         client.action_client.stop()
         with self.assertRaises(rospy.ROSException):
             client.send_goal(script(""))
-        self.assertFalse(client.wait_for_result())
+        self.assertIsNone(client.gh)
+        self.assertFalse(client.wait_for_result(1))
 
     # The goal handle
 
@@ -125,6 +130,22 @@ class TestRobustClient(ScriptedCase):
         self.connect()
         self.send("ACTIVE result:SUCCEEDED", done_cb=lambda *_: self.client.stop_tracking_goal())
         self.eventually(lambda: self.client.simple_state == actionlib.SimpleGoalState.DONE, "DONE")
+
+    def test_simple_state_is_of_the_goal_that_done_cb_has_sent(self):
+        self.connect()
+        self.send("ACTIVE result:ABORTED", done_cb=lambda *_: self.send("go result:SUCCEEDED"))
+        self.assertTrue(self.client.wait_for_result(30))
+        self.assertEqual(actionlib.SimpleGoalState.PENDING, self.client.simple_state)
+        self.go()
+        self.expect(SUCCEEDED)
+        self.assertEqual(actionlib.SimpleGoalState.DONE, self.client.simple_state)
+
+    def test_comm_state_stays_done_after_a_cancel(self):
+        self.connect()
+        self.send("ACTIVE result:SUCCEEDED")
+        self.expect(SUCCEEDED)
+        self.client.cancel_goal()
+        self.assertEqual(CommState.DONE, self.client.gh.get_comm_state())
 
     def test_kept_gh_is_updated_after_the_next_send_goal(self):
         self.connect()
@@ -212,6 +233,8 @@ class TestRobustClient(ScriptedCase):
         self.eventually(lambda: self.feedback, "the last word of the script")
         self.expect(SUCCEEDED, 7)
         self.assertEqual([(SUCCEEDED, 7)], self.done)
+        self.assertEqual((SUCCEEDED, CommState.DONE), (
+            self.client.gh.get_terminal_state(), self.client.gh.get_comm_state()))
 
     def test_state_and_result_are_there_when_done_cb_is_called(self):
         self.connect()
@@ -233,6 +256,15 @@ class TestRobustClient(ScriptedCase):
         self.assertEqual([(SUCCEEDED, 2), "waited"], self.done)
         self.expect(SUCCEEDED, 2)
 
+    def test_callbacks_are_called_where_no_thread_can_be_started(self):
+        self.connect(heartbeat_timeout=30)
+        before = threading.stack_size(1 << 46)  # no computer has that memory
+        self.addCleanup(threading.stack_size, before)
+        self.assertRaises(RuntimeError, threading.Thread(target=print).start)
+        self.send("ACTIVE feedback result:SUCCEEDED", 3)
+        self.expect(SUCCEEDED, 3)
+        self.assertEqual(([True], [(SUCCEEDED, 3)]), (self.active, self.done))
+
     def test_cancel_names_its_goal(self):
         self.connect()
         for words in "ACTIVE cancel result:PREEMPTED", "cancel result:RECALLED":
@@ -252,6 +284,14 @@ class TestRobustClient(ScriptedCase):
         self.assertEqual(([], [], []), (self.done, self.feedback, self.cancels))
 
     # Waits
+
+    def test_stop_tracking_goal_ends_a_wait(self):
+        self.connect()
+        self.send("ACTIVE")
+        threading.Timer(0.3, self.client.stop_tracking_goal).start()
+        begun = time.monotonic()
+        self.assertFalse(self.client.wait_for_result(30))
+        self.assertLess(time.monotonic() - begun, 5)
 
     def test_wait_for_result_takes_seconds_and_durations(self):
         self.connect()
@@ -318,6 +358,78 @@ class TestRobustClient(ScriptedCase):
                 print("raised")""")
         self.assertEqual("raised\n", output)
 
+    def test_wait_for_server_settles_once_for_each_connection(self):
+        def wait():
+            begun = time.monotonic()
+            self.assertTrue(client.wait_for_server(30))
+            return time.monotonic() - begun
+
+        client = robust.SimpleActionClient("settles/scripted", TestRequestAction)
+        for _ in range(2):
+            server = self.programs.program("scripted_server", ROS_NAMESPACE="/settles")
+            # Another client, with the same connections, waits until they are there.
+            self.assertTrue(robust.SimpleActionClient("settles/scripted", TestRequestAction).wait_for_server(30))
+            self.assertGreater(wait(), 0.19)
+            self.assertLess(wait(), 0.1)
+            server.stop()
+
+    def test_shutdown_while_connections_settle_is_false(self):
+        program = self.programs.program("client_cases", "shutdown_while_connections_settle")
+        program.expect("^False interrupted while waiting for the server of /scripted")
+        program.wait()
+
+    # A goal that is guarded
+
+    def send_and_forget(self, words, **options):
+        """Send a goal with a client that nobody holds. Returns a weakref to it."""
+        self.connect(**options)
+        self.send(words)
+        self.wait_state(ACTIVE)
+        client = weakref.ref(self.client)
+        del self.client
+        gc.collect()
+        return client
+
+    def test_heartbeat_timeout_keeps_the_client_while_its_goal_runs(self):
+        client = self.send_and_forget("ACTIVE silent", heartbeat_timeout=1)
+        self.eventually(lambda: self.done, "done_cb")
+        self.assertEqual([(LOST, None)], self.done)
+        self.eventually(lambda: self.cancels, "a cancel")
+        self.eventually(lambda: gc.collect() and False or not client(), "the client is freed")
+
+    def test_cancel_on_shutdown_keeps_the_client_while_its_goal_runs(self):
+        client = self.send_and_forget("ACTIVE go result:SUCCEEDED", cancel_on_shutdown=True)
+        self.assertTrue(client())
+        self.go()
+        self.eventually(lambda: gc.collect() and False or not client(), "the client is freed")
+
+    def test_cancel_on_shutdown_of_a_client_that_nobody_holds(self):
+        program = self.programs.program("client_cases", "forgotten_client")
+        program.expect("sent")
+        program.signal(signal.SIGINT)
+        self.eventually(lambda: self.results, "a cancel, and the result after it")
+
+    def test_client_is_freed_when_its_goal_is_not_tracked_any_more(self):
+        self.connect(heartbeat_timeout=30, cancel_on_shutdown=True)
+        self.send("ACTIVE")
+        self.client.stop_tracking_goal()
+        client = weakref.ref(self.client)
+        del self.client
+        self.eventually(lambda: gc.collect() and False or not client(), "the client is freed")
+
+    def test_goal_that_was_replaced_is_not_cancelled_for_its_silence(self):
+        self.connect(heartbeat_timeout=1)
+        self.send("go")  # no status lists it
+        self.send("ACTIVE 2.5 result:SUCCEEDED")
+        self.expect(SUCCEEDED)
+        self.assertEqual([], self.cancels)
+
+    def test_lost_goal_is_cancelled_on_shutdown(self):
+        program = self.programs.program("shutdown_client", "ACTIVE unlisted cancel result:PREEMPTED", "cancels")
+        program.expect("LOST goal LOST: the server no longer knows the goal")
+        self.assertEqual(0, program.wait(), program)
+        self.eventually(lambda: self.results, "a cancel, and the result after it")
+
     # A lost server
 
     def test_silence_of_heartbeat_timeout_is_lost_with_text(self):
@@ -329,14 +441,38 @@ class TestRobustClient(ScriptedCase):
         self.eventually(lambda: self.cancels, "a cancel, in case the server is only asleep")
         self.assertEqual([self.client.gh.comm_state_machine.action_goal.goal_id.id], [one.id for one in self.cancels])
 
-    def test_silence_from_the_start_is_lost(self):
-        self.connect(heartbeat_timeout=1)
-        self.send("silent")
+    def test_server_silent_before_it_has_listed_the_goal_is_lost(self):
+        self.connect(heartbeat_timeout=2)
+        self.send("0.3 silent")
         self.expect(LOST)
+        self.assertIn("server lost: silent for 2", self.client.get_goal_status_text())
 
     def test_status_of_other_goals_is_silence(self):
         self.connect(heartbeat_timeout=1)
         self.send("silent" + " others 0.2" * 10)
+        self.expect(LOST)
+
+    def test_living_server_that_does_not_list_the_goal_is_named(self):
+        self.connect(heartbeat_timeout=1)
+        self.send("5")
+        self.expect(LOST)
+        self.assertRegex(self.client.get_goal_status_text(), "server did not list the goal, nor send feedback, for 1")
+
+    def test_time_for_which_the_client_stood_still_is_no_silence(self):
+        self.connect(heartbeat_timeout=2)
+        self.send("ACTIVE silent go result:SUCCEEDED")
+        self.wait_state(ACTIVE)
+        for _ in range(4):
+            ctypes.PyDLL(None).usleep(1500000)  # keeps the interpreter's lock, so no other thread runs
+            time.sleep(0.1)
+        self.go()
+        self.expect(SUCCEEDED)
+
+    def test_silence_after_stop_is_lost(self):
+        self.connect(heartbeat_timeout=1)
+        self.send("ACTIVE")
+        self.wait_state(ACTIVE)
+        self.client.action_client.stop()  # no cancel can be sent any more
         self.expect(LOST)
 
     def test_late_result_of_a_lost_goal_changes_nothing(self):
@@ -374,7 +510,7 @@ class TestRobustClient(ScriptedCase):
 
     def test_goal_that_is_listed_again_soon_is_not_lost(self):
         self.connect()
-        self.send("ACTIVE others unlisted 0.2 ACTIVE 1.5 result:SUCCEEDED")
+        self.send("ACTIVE others unlisted 0.2 ACTIVE 1.5 unlisted 0.2 ACTIVE 0.1 result:SUCCEEDED")
         self.expect(SUCCEEDED)
 
     def test_late_result_is_awaited_while_the_server_lives(self):
@@ -395,6 +531,23 @@ class TestRobustClient(ScriptedCase):
         self.send("2 result:SUCCEEDED")
         self.assertFalse(self.client.wait_for_result(1.5))
         self.assertEqual(PENDING, self.client.get_state())
+        self.expect(SUCCEEDED)
+
+    def test_goal_no_status_lists_is_lost_5_s_after_its_first_cancel(self):
+        self.connect()
+        self.send("cancel")
+        begun = time.monotonic()
+        self.client.cancel_goal()
+        self.assertFalse(self.client.wait_for_result(3))
+        self.client.cancel_goal()
+        self.expect(LOST)
+        self.assertTrue(5 <= time.monotonic() - begun < 7)
+        self.assertEqual("cancelled, and the server does not list the goal", self.client.get_goal_status_text())
+
+    def test_cancel_of_all_goals_makes_no_unlisted_goal_lost(self):
+        self.connect()
+        self.send("6 result:SUCCEEDED")
+        self.client.cancel_all_goals()
         self.expect(SUCCEEDED)
 
     # get_failure
@@ -426,6 +579,12 @@ class TestRobustClient(ScriptedCase):
         nobody = robust.SimpleActionClient("nobody", TestRequestAction)
         self.assertFalse(nobody.wait_for_server(0.2))
         self.assertEqual("no server of /nobody within 0.2 s", nobody.get_failure())
+
+    def test_get_failure_after_send_goal_is_of_the_goal(self):
+        nobody = robust.SimpleActionClient("nobody", TestRequestAction)
+        self.assertFalse(nobody.wait_for_server(0.1))
+        nobody.send_goal(script(""))
+        self.assertEqual("goal PENDING: no outcome so far", nobody.get_failure())
 
     def test_get_failure_of_a_server_that_has_gone_since(self):
         server = self.programs.program("scripted_server", ROS_NAMESPACE="/gone")

@@ -319,6 +319,7 @@ class TestClient(ScriptedCase):
         program.signal(signal.SIGINT)
         program.expect("PREEMPTED goal PREEMPTED: cancelled")
         program.wait()
+        self.assertNotIn("Traceback", program.stdout + program.stderr)
 
     def test_client_that_raises_keeps_no_other_from_its_cancel(self):
         program = self.start("ACTIVE cancel result:PREEMPTED", "breaks_another")

@@ -119,6 +119,35 @@ class TestRobustActionServer(ServerTests, unittest.TestCase):
         self.clock.turn(1)
         self.raw.check_outcome(goal_id, SUCCEEDED, bowls(2))
 
+    def send_to_nobody(self, heartbeat_timeout=None):
+        """Send a goal for which there is no server. Returns the client, whose watch has begun."""
+        client = robust.SimpleActionClient("nobody", WashTheDishesAction, heartbeat_timeout=heartbeat_timeout)
+        client.send_goal(WashTheDishesGoal())
+        time.sleep(0.2)
+        return client
+
+    def test_clock_that_jumps_ahead_is_no_silence_for_the_client(self):
+        client = self.send_to_nobody(heartbeat_timeout=4)
+        for _ in range(3):
+            self.clock.turn(100)
+            time.sleep(0.6)  # it looks every half second
+        self.assertEqual(GoalStatus.PENDING, client.get_state(), client.get_failure())
+
+    def test_client_notices_silence_when_the_clock_was_set_back(self):
+        client = self.send_to_nobody(heartbeat_timeout=0.5)
+        self.clock.turn(-500)
+        eventually(lambda: self.clock.turn(0.1) or client.get_state() == GoalStatus.LOST, "LOST", timeout=10, pause=0.1)
+
+    def test_wait_for_result_ends_in_time_after_clock_was_set_back(self):
+        client, ended = self.send_to_nobody(), threading.Event()
+        threading.Thread(target=lambda: client.wait_for_result(2) or ended.set()).start()
+        time.sleep(0.2)
+        for seconds in -500, 1, 0.75:
+            self.clock.turn(seconds)
+            self.assertFalse(ended.wait(0.3))
+        self.clock.turn(0.5)
+        self.assertTrue(ended.wait(5))
+
 
 class TestRate(unittest.TestCase):
     """The rate of a server in this process."""

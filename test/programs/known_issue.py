@@ -100,13 +100,6 @@ def no_clock_while_waiting_for_server():
     print("waits" if thread.is_alive() else "ends")
 
 
-def no_clock_and_a_server():
-    serve()
-    clients = [library.SimpleActionClient(*action) for action in (
-        ("work", WashTheDishesAction), ("scripted", TestRequestAction))]
-    print([client.wait_for_server(rospy.Duration(10)) for client in clients])
-
-
 def clock_begins_while_waiting_for_result():
     client = library.SimpleActionClient("scripted", TestRequestAction)
     eventually(client.action_client.pub_goal.get_num_connections, "the server")
@@ -119,7 +112,7 @@ def clock_begins_while_waiting_for_result():
 
 
 def goal_in_a_moment_of_simulated_time():
-    SimulatedClock()
+    SimulatedClock().set(rospy.Time(1000))
     client = library.SimpleActionClient("scripted", TestRequestAction)
     client.wait_for_server()
     client.send_goal(TestRequestGoal(result_text="result:SUCCEEDED"))
@@ -143,12 +136,6 @@ def idle():
     server = serve()
     rospy.spin()
     del server
-
-
-def remapped():
-    client = library.SimpleActionClient("here", TestRequestAction)
-    client.wait_for_server()
-    print(NAMES[client.send_goal_and_wait(TestRequestGoal(result_text="0.1 result:SUCCEEDED"))])
 
 
 if __name__ == "__main__":

@@ -10,26 +10,27 @@ Used of actionlib though its documentation does not list it:
   programs read and set them.
 * of ActionClient: last_status_msg, pub_goal, pub_cancel, result_sub, feedback_sub, ActionGoal, and manager with its
   list_mutex and statuses, in which a goal is registered for the answers.
-* of CommStateMachine: its constructor; update_status, update_result, update_feedback and transition_to, which are
-  overridden; action_goal, state, latest_goal_status and latest_result, which a ClientGoalHandle reads.
+* of CommStateMachine: its constructor; update_status, update_result, update_feedback, transition_to and send_cancel_fn,
+  which are overridden; action_goal, state, latest_goal_status and latest_result, which a ClientGoalHandle reads.
 * of ClientGoalHandle: its constructor and comm_state_machine.
 Of rospy: impl of a publisher or subscriber with has_connection, connections and callerid_pub, and _connection_header of
 a message. actionlib's wait_for_server uses the same, but never ends before the simulated clock has begun.
 Of messages: _type, the type's name.
 
 Threads: answers come in rospy's, one for each topic of a server. They record the answer and call feedback_cb. A daemon
-thread that ends afterwards calls active_cb and done_cb. With heartbeat_timeout, one for each goal watches for silence.
-No lock is held while a callback runs.
+thread that ends afterwards calls active_cb and done_cb. With heartbeat_timeout or cancel_on_shutdown, one for each goal
+watches it, and keeps its client in memory. No lock is held while a callback runs, or while done_condition is notified.
 """
 from __future__ import annotations
 
 import contextlib
 import io
+import itertools
 import math
+import random
 import threading
 import time
 import traceback
-import uuid
 import weakref
 from typing import Any, Callable, Optional, Union
 
@@ -44,15 +45,16 @@ Seconds = Union[genpy.Duration, float]
 
 UNLISTED_FOR = 1.0  # s. A goal that the status no longer lists for so long is LOST
 RESULT_WITHIN = 30.0  # s. The same for a goal whose terminal state was seen: its result may be late
+CANCELLED_UNLISTED_FOR = 5.0  # s. The same for a goal that was cancelled, from then on, and that was never listed
 CANCELLED_WITHIN = 2.0  # s from the cancel on shutdown to the outcome
 SETTLED_AFTER = 0.2  # s for a new connection: rospy counts it a moment before messages pass
-_WAS_ACTIVE = {GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.PREEMPTED, GoalStatus.SUCCEEDED, GoalStatus.ABORTED}
+_ACCEPTED = {GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.PREEMPTED, GoalStatus.SUCCEEDED, GoalStatus.ABORTED}
 _COMM_STATES = {
     GoalStatus.PENDING: actionlib.CommState.PENDING, GoalStatus.ACTIVE: actionlib.CommState.ACTIVE,
     GoalStatus.RECALLING: actionlib.CommState.RECALLING, GoalStatus.PREEMPTING: actionlib.CommState.PREEMPTING}
 
 clients: weakref.WeakValueDictionary = weakref.WeakValueDictionary()  # all of this process, by id()
-_process = uuid.uuid4().hex[:8]  # two nodes of one name may send in one moment of simulated time
+_goal_numbers = itertools.count(1)
 
 
 class SimpleActionClient(actionlib.SimpleActionClient):
@@ -72,14 +74,12 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             raise ValueError("heartbeat_timeout is %r, must be above 0, or None" % heartbeat_timeout)
         super().__init__(ns, ActionSpec)
         self.gh: Optional[actionlib.ClientGoalHandle]  # of the goal, None if there is none
-        self.done_cb: Optional[Callable[[int, Any], Any]] = None
-        self.active_cb: Optional[Callable[[], Any]] = None
-        self.feedback_cb: Optional[Callable[[Any], Any]] = None
         self.__name = rospy.resolve_name(ns)
         self.__heartbeat_timeout = heartbeat_timeout
         self.__cancel_on_shutdown = cancel_on_shutdown
+        self.__changed = threading.Condition()  # notified when a goal is over
         self.__no_server: Optional[str] = None  # why the last wait_for_server failed
-        self.__is_settled = False  # wait_for_server has waited for SETTLED_AFTER
+        self.__settled: Optional[dict] = None  # the connection for which wait_for_server has waited for SETTLED_AFTER
         clients[id(self)] = self
 
     def wait_for_server(self, timeout: Seconds = rospy.Duration()) -> bool:
@@ -91,78 +91,78 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """
         rospy.get_rostime()  # raises rospy.ROSInitException before rospy.init_node
         seconds, begun, logged = _seconds(timeout), time.monotonic(), 0.0
-        while not self.__is_connected():
-            self.__is_settled = False
-            waited = time.monotonic() - begun
-            if rospy.is_shutdown():
-                self.__no_server = "interrupted while waiting for the server of %s" % self.__name
-                return False
-            if waited >= seconds:
+        while not rospy.is_shutdown():
+            connection, waited = self.__connection(), time.monotonic() - begun
+            if connection is not None:
+                if connection is not self.__settled:
+                    time.sleep(SETTLED_AFTER)
+                self.__settled, self.__no_server = connection, None
+                if not rospy.is_shutdown():
+                    return True
+            elif waited >= seconds:
                 self.__no_server = "no server of %s within %g s" % (self.__name, seconds)
                 return False
-            if waited - logged >= 5:
+            elif waited - logged >= 5:
                 logged = waited
                 log(rospy.logwarn, "waiting for the server of %s for %d s", self.__name, waited)
             time.sleep(0.01)
-        if not self.__is_settled:
-            time.sleep(SETTLED_AFTER)
-        self.__is_settled, self.__no_server = True, None
-        return True
+        self.__no_server = "interrupted while waiting for the server of %s" % self.__name
+        return False
 
-    def __is_connected(self):
-        """Returns whether the server that sent the last status has the other four topics, too."""
+    def __connection(self):
+        """Returns the header of the connection on which the last status came, another one after a restart of the
+        server; None unless that server has the other four topics, too."""
         client = self.action_client
         if not client.last_status_msg:
-            return False
-        server = client.last_status_msg._connection_header["callerid"]
-        return all(one.impl.has_connection(server) for one in (client.pub_goal, client.pub_cancel)) and all(
-            server in [connection.callerid_pub for connection in one.impl.connections]
+            return None
+        connection = client.last_status_msg._connection_header
+        server = connection["callerid"]
+        is_connected = all(one.impl.has_connection(server) for one in (client.pub_goal, client.pub_cancel)) and all(
+            server in [each.callerid_pub for each in one.impl.connections]
             for one in (client.result_sub, client.feedback_sub))
+        return connection if is_connected else None
 
-    def send_goal(self, goal: genpy.Message, done_cb: Optional[Callable[[int, Any], Any]] = None,
+    def send_goal(self, goal: Optional[genpy.Message], done_cb: Optional[Callable[[int, Any], Any]] = None,
                   active_cb: Optional[Callable[[], Any]] = None,
                   feedback_cb: Optional[Callable[[Any], Any]] = None) -> None:
         """Send a goal, once. A goal before it goes on at the server, and its callbacks are not called any more.
 
-        goal: a message such as WashTheDishesGoal. It may be changed and used again afterwards.
+        goal: a message such as WashTheDishesGoal, None for an empty one. It may be changed and used again afterwards.
         done_cb: called with the terminal state (GoalStatus) and the result. It may send the next goal and wait for it.
         active_cb: called when the server has accepted the goal.
         feedback_cb: called with each feedback.
         These three are attributes of the client, too, which are read when a call is due.
         Raises TypeError for a message of another type, rospy.ROSSerializationException for one that cannot be sent.
         """
-        action_goal = self.action_client.ActionGoal()
-        if getattr(goal, "_type", None) != action_goal.goal._type:
-            raise TypeError("the goal must be of type %s, not %s" % (
-                action_goal.goal._type, getattr(goal, "_type", type(goal).__name__)))
-        action_goal.goal_id = actionlib.GoalIDGenerator("%s_%s" % (rospy.get_name(), _process)).generate_ID()
-        action_goal.header.stamp = action_goal.goal_id.stamp
-        action_goal.goal = goal
+        # The random digits are for two nodes of one name that send in one moment of simulated time.
+        stamp, digits = rospy.Time.now(), random.SystemRandom().randrange(10**12)
+        goal_id = "%s-%d-%.3f0%012d" % (rospy.get_name(), next(_goal_numbers), stamp.to_sec(), digits)
+        ActionGoal = self.action_client.ActionGoal
+        action_goal, kind = ActionGoal(rospy.Header(stamp=stamp), GoalID(stamp, goal_id), goal), ActionGoal().goal._type
+        if getattr(action_goal.goal, "_type", None) != kind:
+            raise TypeError("the goal must be of type %s, not %s" % (kind, getattr(goal, "_type", type(goal).__name__)))
         try:
             action_goal.serialize(io.BytesIO())  # rospy would leave half of it in front of the next message
         except Exception as error:
             raise rospy.ROSSerializationException(str(error)) from error
-        sent = _Goal(self, action_goal)
-        gh = actionlib.ClientGoalHandle(sent)
-        with self.done_condition:
-            self.gh, self.done_cb, self.active_cb, self.feedback_cb = gh, done_cb, active_cb, feedback_cb
-            self.simple_state = actionlib.SimpleGoalState.PENDING
+        sent = _Goal(self, self.__changed, action_goal)
+        with self.__changed:
+            self.done_cb, self.active_cb, self.feedback_cb = done_cb, active_cb, feedback_cb
+            self.gh, self.simple_state = actionlib.ClientGoalHandle(sent), actionlib.SimpleGoalState.PENDING
             self.__no_server = None
-            self.done_condition.notify_all()  # those who wait for the goal before it
         manager = self.action_client.manager
         with manager.list_mutex:
             manager.statuses.append(weakref.ref(sent))
-        if self.__heartbeat_timeout:
+        if self.__heartbeat_timeout or self.__cancel_on_shutdown:
             with contextlib.suppress(RuntimeError):  # Python 3.12 and later start no thread at exit
-                threading.Thread(target=_watch, args=[weakref.ref(sent), self.done_condition, self.__heartbeat_timeout],
-                                 daemon=True).start()
+                threading.Thread(target=_watch, args=[sent, self.__heartbeat_timeout or math.inf], daemon=True).start()
         try:
             self.action_client.pub_goal.publish(action_goal)
         except rospy.ROSException:  # the program has called action_client.stop()
             self.stop_tracking_goal()
             raise
 
-    def send_goal_and_wait(self, goal: genpy.Message, execute_timeout: Seconds = rospy.Duration(),
+    def send_goal_and_wait(self, goal: Optional[genpy.Message], execute_timeout: Seconds = rospy.Duration(),
                            preempt_timeout: Seconds = rospy.Duration()) -> int:
         """Send a goal and wait until it is over. After execute_timeout, cancel it and wait for preempt_timeout.
 
@@ -185,27 +185,24 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """
         seconds, goal, begun = _seconds(timeout), self.__goal, rospy.get_time()
         if not goal:
-            rospy.logerr("wait_for_result was called, and there is no goal")
+            rospy.logerr("Called wait_for_result when no goal exists")
             return False
-        with self.done_condition:
-            while not goal.is_over:
+        with self.__changed:
+            while goal and (not goal.is_over or goal.is_replaced()):
                 now = rospy.get_time()
                 begun = min(begun or now, now)  # simulated time may begin or be set back meanwhile
                 left = seconds - (now - begun)
                 if left <= 0 or rospy.is_shutdown():
-                    break
+                    return False
                 # At most 0.1 s: the clock may be simulated, and a shutdown notifies nobody.
-                self.done_condition.wait(min(0.1, left))
-                if goal.outcome is None:
-                    goal = self.__goal  # another thread may have sent the next one
-                    if not goal:
-                        return False
-            return goal.is_over
+                self.__changed.wait(min(0.1, left))
+                if goal.is_replaced():
+                    goal = self.__goal  # another thread has sent the next one, or stopped tracking
+            return goal is not None
 
     @property
     def __goal(self):
-        gh = self.gh
-        return gh.comm_state_machine if gh else None
+        return getattr(self.gh, "comm_state_machine", None)
 
     def get_state(self) -> int:
         """Returns the state of the goal (GoalStatus): PENDING or ACTIVE until outcome and result are there, then the
@@ -215,7 +212,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             return GoalStatus.LOST
         if goal.outcome is not None:
             return goal.outcome
-        return GoalStatus.ACTIVE if goal.was_active else GoalStatus.PENDING
+        return GoalStatus.ACTIVE if goal.was_accepted else GoalStatus.PENDING
 
     def get_failure(self) -> Optional[str]:
         """Returns None if the goal SUCCEEDED, else one line: its state and the server's text, or why there is none.
@@ -227,53 +224,60 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         if outcome == GoalStatus.SUCCEEDED:
             return None
         if outcome is None:
-            return "goal %s: no outcome so far" % ("ACTIVE" if goal.was_active else "PENDING")
+            return "goal %s: no outcome so far" % ("ACTIVE" if goal.was_accepted else "PENDING")
         text = goal.latest_goal_status.text or "the server gave no reason"
         return "goal %s: %s" % (STATE_NAMES.get(outcome, outcome), " ".join(text.split()))
 
     def _begin_shutdown(self) -> Optional[Callable[[], None]]:
         """For the library: cancel the goal if that was asked for. Returns a function that waits for the outcome."""
         goal = self.__goal
-        if not self.__cancel_on_shutdown or not goal or goal.outcome is not None:
+        if not self.__cancel_on_shutdown or not goal or goal.latest_result:
             return None
         try:
-            goal.send_cancel()
+            actionlib.ClientGoalHandle(goal).cancel()
         except rospy.ROSException:  # the program has called action_client.stop()
             return None
         deadline = time.monotonic() + CANCELLED_WITHIN
 
         def wait() -> None:
-            with self.done_condition:
-                self.done_condition.wait_for(lambda: goal.is_over, max(0, deadline - time.monotonic()))
-            goal.lose("a cancel was sent on shutdown, and no outcome came within %g s" % CANCELLED_WITHIN)
+            with self.__changed:
+                self.__changed.wait_for(lambda: goal.is_over, deadline - time.monotonic())
+            goal.set_lost("a cancel was sent on shutdown, and no outcome came within %g s" % CANCELLED_WITHIN)
 
         return wait
 
 
 class _Goal(actionlib.CommStateMachine):
     """What is known of a goal that was sent. state, latest_goal_status and latest_result are actionlib's: what the
-    server has reported, for a ClientGoalHandle. outcome, was_active and is_over are for the client."""
+    server has reported, for a ClientGoalHandle. outcome, was_accepted and is_over are for the client."""
 
-    def __init__(self, client, action_goal):
-        super().__init__(action_goal, None, None, None, self.send_cancel)
-        self.client, self.changed, self.id = client, client.done_condition, action_goal.goal_id.id
+    def __init__(self, client, changed, action_goal):
+        super().__init__(action_goal, None, None, None, None)
+        del self.send_cancel_fn  # it would hide the method of that name
+        self.client, self.changed, self.id = client, changed, action_goal.goal_id.id
         self.outcome = None  # the terminal state (GoalStatus), set together with the result
-        self.was_active = False
+        self.was_accepted = False  # the goal is or was ACTIVE
         self.is_over = False  # done_cb has run
         self.active_called = self.done_called = self.is_calling = False
-        self.is_listed = False  # a status has listed it
-        self.unlisted_since = None  # time.monotonic() of the first status without it
+        self.was_replaced = False  # before done_cb was due
+        self.unlisted_since = self.cancelled_at = None  # time.monotonic() of the first status without it, first cancel
+        self.unlisted_at = -math.inf  # the same of the last status without it
         self.silence = 0.0  # s
 
     def is_current(self):
         """Returns whether the client's callbacks are called for this goal."""
-        gh = self.client.gh
-        return gh is not None and gh.comm_state_machine is self
+        return getattr(self.client.gh, "comm_state_machine", None) is self
 
-    def send_cancel(self, goal_id=None):
-        """Send a cancel, unless the goal has an outcome. ClientGoalHandle.cancel() calls this, too, with the id."""
-        if self.outcome is None:
-            self.client.action_client.pub_cancel.publish(goal_id or GoalID(id=self.id))
+    def is_replaced(self):
+        """Returns whether another goal was sent, or none is tracked any more, before done_cb was due."""
+        return not self.is_current() and (self.was_replaced or not self.done_called)
+
+    def send_cancel_fn(self, goal_id):
+        """Overrides actionlib's, for ClientGoalHandle.cancel(): send a cancel, unless the server has sent the outcome.
+        If the goal is only LOST, the server may still work on it."""
+        if not self.latest_result:
+            self.cancelled_at = self.cancelled_at or time.monotonic()
+            self.client.action_client.pub_cancel.publish(goal_id)
 
     def transition_to(self, state):
         """Overrides actionlib's: set state, for ClientGoalHandle.cancel(), unless the goal has an outcome."""
@@ -285,25 +289,26 @@ class _Goal(actionlib.CommStateMachine):
         """Overrides actionlib's: a status of the server has come."""
         status = next((one for one in status_array.status_list if one.goal_id.id == self.id), None)
         if status:
-            self.is_listed, self.unlisted_since = True, None
-            self.record(status)
-        elif self.is_listed and self.outcome is None:
-            now, seen = time.monotonic(), self.latest_goal_status.status
-            self.unlisted_since = self.unlisted_since or now
-            unlisted_for = now - self.unlisted_since
-            if seen in _COMM_STATES:
-                if unlisted_for >= UNLISTED_FOR:
-                    self.lose("the server no longer knows the goal")
-            else:
-                self.silence = 0.0  # the server lives
-                if unlisted_for >= RESULT_WITHIN:
-                    self.lose("the server reported %s, and no result came within %g s" % (
-                        STATE_NAMES.get(seen, seen), RESULT_WITHIN))
+            self.unlisted_since = None
+            self.record_status(status)
+            return
+        seen, now = self.latest_goal_status.status, time.monotonic()
+        self.unlisted_at, self.unlisted_since = now, self.unlisted_since or now
+        since, limit, text = self.unlisted_since, UNLISTED_FOR, "the server no longer knows the goal"
+        if not self.latest_goal_status.goal_id.id:  # no status has listed it so far
+            since, limit, text = self.cancelled_at or now, CANCELLED_UNLISTED_FOR, (
+                "cancelled, and the server does not list the goal")
+        elif seen not in _COMM_STATES:  # its result is on the way
+            self.silence = 0.0  # the server lives
+            limit, text = RESULT_WITHIN, "the server reported %s, and no result came within %g s" % (
+                STATE_NAMES.get(seen, seen), RESULT_WITHIN)
+        if now - since >= limit:
+            self.set_lost(text)
 
     def update_feedback(self, action_feedback):
         """Overrides actionlib's: feedback has come."""
         if action_feedback.status.goal_id.id == self.id:
-            self.record_life(action_feedback.status.status)
+            self.record_status(action_feedback.status, is_feedback=True)
             with self.changed:
                 callback = self.client.feedback_cb if self.is_current() else None
             _call(callback, action_feedback.feedback)
@@ -311,102 +316,100 @@ class _Goal(actionlib.CommStateMachine):
     def update_result(self, action_result):
         """Overrides actionlib's: a result has come."""
         if action_result.status.goal_id.id == self.id:
-            self.end(action_result.status, action_result)
+            self.set_outcome(action_result.status, action_result)
 
-    def record(self, status):
-        """Record a status (GoalStatus). A terminal state is an outcome only with the result."""
-        with self.changed:
-            if self.outcome is None:
-                self.latest_goal_status = status
-                # After a cancel was sent, PENDING and ACTIVE mean that the server has not seen it yet.
-                if self.state != actionlib.CommState.WAITING_FOR_CANCEL_ACK or status.status not in (
-                        GoalStatus.PENDING, GoalStatus.ACTIVE):
-                    self.state = _COMM_STATES.get(status.status, actionlib.CommState.WAITING_FOR_RESULT)
-        self.record_life(status.status)
-
-    def record_life(self, state):
-        """Record that the server lives, and has the goal in this state (of GoalStatus)."""
+    def record_status(self, status, is_feedback=False):
+        """Record a status (GoalStatus), or one that came with feedback, which may be older than the last. A terminal
+        state is an outcome only with the result."""
         with self.changed:
             self.silence = 0.0
             if self.outcome is None:
-                self.was_active = self.was_active or state in _WAS_ACTIVE
-        self.call_back()
+                self.was_accepted = self.was_accepted or status.status in _ACCEPTED
+                if not is_feedback:
+                    self.latest_goal_status = status
+                    # After a cancel was sent, PENDING and ACTIVE mean that the server has not seen it yet.
+                    if self.state != actionlib.CommState.WAITING_FOR_CANCEL_ACK or status.status not in (
+                            GoalStatus.PENDING, GoalStatus.ACTIVE):
+                        self.state = _COMM_STATES.get(status.status, actionlib.CommState.WAITING_FOR_RESULT)
+        self.start_callbacks()
 
-    def lose(self, text):
+    def set_lost(self, text):
         """Record that the goal is LOST, and why."""
-        self.end(GoalStatus(self.action_goal.goal_id, GoalStatus.LOST, text), None)
+        self.set_outcome(GoalStatus(self.action_goal.goal_id, GoalStatus.LOST, text), None)
 
-    def end(self, status, action_result):
+    def set_outcome(self, status, action_result):
         """Record the outcome, unless there is one."""
         with self.changed:
             if self.outcome is not None:
                 return
             self.latest_goal_status, self.latest_result = status, action_result
             self.outcome, self.state = status.status, actionlib.CommState.DONE
-            self.was_active = self.was_active or self.outcome in _WAS_ACTIVE
-        self.call_back()
+            self.was_accepted = self.was_accepted or self.outcome in _ACCEPTED
+        self.start_callbacks()
 
-    def call_back(self):
-        """Have active_cb and done_cb called as far as they are due."""
+    def start_callbacks(self):
+        """Have active_cb and done_cb called as far as they are due, in a thread: done_cb may wait for the next goal."""
         with self.changed:
-            if self.is_calling or not self.is_due():
+            if self.is_calling or not self.is_callback_due():
                 return
             self.is_calling = True
-        if self.client.active_cb or self.client.done_cb:
-            with contextlib.suppress(RuntimeError):  # Python 3.12 and later start no thread at exit
-                # A thread of its own, since done_cb may wait for the next goal.
-                threading.Thread(target=self.call_what_is_due, daemon=True).start()
-                return
-        self.call_what_is_due()
+        try:
+            threading.Thread(target=self.run_callbacks, daemon=True).start()
+        except RuntimeError:  # Python 3.12 and later start no thread at exit
+            self.run_callbacks()
 
-    def is_due(self):
+    def is_callback_due(self):
         """Returns whether active_cb or done_cb is to be called."""
-        return self.was_active and not self.active_called or self.outcome is not None and not self.done_called
+        return self.was_accepted and not self.active_called or self.outcome is not None and not self.done_called
 
-    def call_what_is_due(self):
-        """Call active_cb, then done_cb, unless another goal was sent meanwhile."""
+    def run_callbacks(self):
+        """Call active_cb, then done_cb, as far as they are due, unless another goal was sent meanwhile."""
         client, is_current = self.client, False
         while True:
             with self.changed:
-                if not self.is_due():
+                if not self.is_callback_due():
                     self.is_calling, self.is_over = False, self.done_called
-                    if self.is_over and is_current and (client.gh is None or self.is_current()):
+                    # done_cb may have sent another goal.
+                    is_done = self.is_over and is_current and (client.gh is None or self.is_current())
+                    if is_done:
                         client.simple_state = actionlib.SimpleGoalState.DONE
                     self.changed.notify_all()
-                    return
+                    break
                 is_current = self.is_current()
-                if self.was_active and not self.active_called:
+                if self.was_accepted and not self.active_called:
                     self.active_called, call = True, [client.active_cb]
                     if is_current:
                         client.simple_state = actionlib.SimpleGoalState.ACTIVE
                 else:
                     result = self.latest_result and self.latest_result.result
-                    self.done_called, call = True, [client.done_cb, self.outcome, result]
+                    self.done_called, self.was_replaced = True, not is_current
+                    call = [client.done_cb, self.outcome, result]
             if is_current:
                 _call(*call)
+        if is_done:
+            with client.done_condition:
+                client.done_condition.notify_all()
 
 
-def _watch(goal_ref, changed, heartbeat):
-    """Watch for silence about a goal (weakref of a _Goal) until it is over, forgotten or, after heartbeat (s), LOST.
-    changed: the condition that is notified when the goal changes."""
+def _watch(goal, heartbeat):
+    """Keep a goal (_Goal) and its client in memory until the goal is over, replaced or no longer tracked. After silence
+    of heartbeat (s) about it, cancel it, and it is LOST."""
     tick = min(0.5, heartbeat / 4)
     real, ros = time.monotonic(), rospy.get_time()
-    while True:
-        with changed:
-            changed.wait(tick)
-        goal = goal_ref()
-        if not goal or goal.outcome is not None or not goal.is_current():
-            return
-        real_before, ros_before, real, ros = real, ros, time.monotonic(), rospy.get_time()
-        with changed:
-            # At most two ticks count: this computer may have been asleep.
-            goal.silence += max(0.0, min(real - real_before, ros - ros_before, 2 * tick))
+    while goal.outcome is None and goal.is_current():
+        with goal.changed:
+            goal.changed.wait(tick)
+            real_before, ros_before, real, ros = real, ros, time.monotonic(), rospy.get_time()
+            if real - real_before < 2 * tick:  # else this process or computer stood still meanwhile
+                goal.silence += max(0.0, min(real - real_before, ros - ros_before))
             silence = goal.silence
         if silence >= heartbeat:
             with contextlib.suppress(rospy.ROSException):  # the program has called action_client.stop()
-                goal.send_cancel()  # in case the server is only asleep
-            goal.lose("server lost: silent for %.1f s (heartbeat_timeout is %g s)" % (silence, heartbeat))
-        del goal  # a client that nobody holds any more can go
+                actionlib.ClientGoalHandle(goal).cancel()  # in case the server is only asleep
+            is_alive = real - goal.unlisted_at < heartbeat / 2
+            goal.set_lost("%s %.1f s (heartbeat_timeout is %g s)" % (
+                "the server did not list the goal, nor send feedback, for" if is_alive else "server lost: silent for",
+                silence, heartbeat))
 
 
 def _seconds(timeout):
