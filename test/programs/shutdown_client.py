@@ -5,7 +5,7 @@ SCRIPT: what the scripted server does. HOOK: seconds that a function given to ro
 * default: without cancel_on_shutdown.
 * cancels: with cancel_on_shutdown.
 * stops_another: the same beside ten such clients with a goal whose action_client was stopped.
-* breaks_another: the same beside ten such clients whose gh is no handle.
+* breaks_another: the same beside ten such clients whose action_client was set to None, too.
 * signals_shutdown: with cancel_on_shutdown, and done_cb calls rospy.signal_shutdown.
 """
 import contextlib
@@ -37,11 +37,10 @@ def main():
             rospy.signal_shutdown("done")
 
     for another in clients:
+        another.send_goal(TestRequestGoal(result_text="ACTIVE"))
+        another.action_client.stop()
         if how == "breaks_another":
-            another.gh = "broken"
-        else:
-            another.send_goal(TestRequestGoal(result_text="ACTIVE"))
-            another.action_client.stop()
+            another.action_client = None
     client.send_goal(TestRequestGoal(result_text=script), done_cb, active.set)
     active.wait()
     with contextlib.suppress(AttributeError):  # of Debian 11's rospy, see harness.py
