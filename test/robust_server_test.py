@@ -3,6 +3,8 @@
 
 The client is a RawClient, which sends plain messages. What the server does is the execute_cb in each test.
 """
+import logging
+import sys
 import threading
 import time
 import unittest
@@ -14,7 +16,7 @@ import rostest
 
 from actions_tutorial import robust
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesFeedback, WashTheDishesResult
-from harness import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED, RawClient, bowls, eventually
+from harness import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED, Process, RawClient, bowls, eventually
 
 
 class TestRobustServer(unittest.TestCase):
@@ -147,6 +149,38 @@ class TestRobustServer(unittest.TestCase):
         self.assertEqual([False] * 10, self.slept)
         self.assertGreater(took[0], 0.4)
 
+    def test_rate_made_anew_in_each_turn_keeps_its_pace(self):
+        took = []
+
+        def execute_cb(goal):
+            self.started.append(goal.number_of_minutes)
+            while self.server.rate(20).sleep():
+                pass
+            begun = time.monotonic()
+            self.slept += [self.server.rate(20).sleep() for _ in range(10)]  # it slows down
+            took.append(time.monotonic() - begun)
+            self.server.set_preempted()
+
+        self.serve(execute_cb)
+        goal = self.send_active(1)
+        self.client.cancel(goal)
+        self.expect(goal, PREEMPTED)
+        self.assertEqual([False] * 10, self.slept)
+        self.assertGreater(took[0], 0.4)
+
+    def test_cancel_wakes_each_rate_that_was_made_before(self):
+        def execute_cb(goal):
+            rates = [self.server.rate(0.01) for _ in range(2)]
+            self.started.append(goal.number_of_minutes)
+            self.slept += [rate.sleep() for rate in rates]
+            self.server.set_preempted()
+
+        self.serve(execute_cb)
+        goal = self.send_active(1)
+        self.client.cancel(goal)
+        self.expect(goal, PREEMPTED)
+        self.assertEqual([False, False], self.slept)
+
     def test_newer_goal_wakes_rate(self):
         self.serve(self.work)
         older = self.send_active(2)
@@ -161,21 +195,104 @@ class TestRobustServer(unittest.TestCase):
         self.client.cancel(goal)
         self.assertEqual(bowls(2), self.expect(goal, PREEMPTED).result.dishes_washed)
 
-    def test_newer_goal_wakes_rate_of_a_server_with_goal_callback(self):
+    def test_goal_callback_may_wait_until_the_older_goal_stops(self):
+        self.check_waiting_callback("goal_cb")
+
+    def test_preempt_callback_may_wait_until_the_goal_stops(self):
+        self.check_waiting_callback("preempt_cb")
+
+    def check_waiting_callback(self, name):
+        """A newer goal comes. The callback of this name waits until the rate of the older one has woken."""
+        woke = threading.Event()
+
+        def work():
+            self.slept.append(self.server.rate(0.01).sleep())
+            woke.set()
+
         def goal_cb():
+            if self.started and name == "goal_cb":
+                self.slept.append(woke.wait(10))
             goal = self.server.accept_new_goal()
             if goal.number_of_minutes:
-                threading.Thread(target=lambda: self.slept.append(self.server.rate(0.01).sleep()), daemon=True).start()
+                threading.Thread(target=work, daemon=True).start()
                 self.started.append(goal.number_of_minutes)
             else:
                 self.server.set_succeeded()
 
-        self.serve(goal_cb=goal_cb)
+        self.serve(goal_cb=goal_cb, preempt_cb=lambda: self.slept.append(woke.wait(10)) if name != "goal_cb" else None)
         older = self.send_active(2)
         newer = self.client.send(0)
-        self.expect(older, PREEMPTED)
+        self.expect(older, PREEMPTED, "a newer goal came")
         self.expect(newer, SUCCEEDED)
-        eventually(lambda: self.slept == [False], "a rate that woke")
+        self.assertEqual([False, True], self.slept)
+
+    def test_rate_of_a_goal_that_another_thread_ended_wakes(self):
+        def goal_cb():
+            self.server.accept_new_goal()
+            threading.Thread(target=lambda: self.slept.append(self.server.rate(0.01).sleep()), daemon=True).start()
+            self.started.append(1)
+
+        self.serve(goal_cb=goal_cb)
+        goal = self.send_active(1)
+        self.assertEqual([], self.slept)
+        self.server.set_aborted()
+        self.expect(goal, ABORTED)
+        eventually(lambda: self.slept == [False], "a rate that woke", self.client, timeout=10)
+
+    def test_rate_of_a_replaced_goal_is_false_after_its_step(self):
+        step = threading.Event()
+
+        def work():
+            rate = self.server.rate(20)
+            self.started.append(2)
+            step.wait(30)
+            self.slept.append(rate.sleep())
+
+        def goal_cb():
+            if self.server.accept_new_goal().number_of_minutes == 2:
+                threading.Thread(target=work, daemon=True).start()
+
+        self.serve(goal_cb=goal_cb)
+        self.send_active(2)
+        newer = self.client.send(1)
+        self.client.wait(lambda: ACTIVE in self.client.states.get(newer, []), "the newer goal is ACTIVE")
+        step.set()
+        eventually(lambda: self.slept == [False], "a rate that says so", self.client, timeout=10)
+
+    def test_cancel_wakes_rate_after_that_of_a_replaced_goal(self):
+        self.serve(goal_cb=lambda: self.started.append(self.server.accept_new_goal().number_of_minutes))
+        self.send_active(1)
+        older_rate = self.server.rate(0.01)
+        goal = self.send_active(2)
+        self.assertFalse(older_rate.sleep())
+        rate = self.server.rate(0.01)
+        threading.Thread(target=lambda: self.slept.append(rate.sleep()), daemon=True).start()
+        self.client.cancel(goal)
+        eventually(lambda: self.slept == [False], "a rate that woke", self.client, timeout=10)
+
+    def test_rate_made_before_the_first_goal_serves_all(self):
+        def execute_cb(goal):
+            self.started.append(goal.number_of_minutes)
+            self.slept.append(rate.sleep())
+            while goal.number_of_minutes and rate.sleep():
+                pass
+            (self.server.set_preempted if goal.number_of_minutes else self.server.set_succeeded)()
+
+        self.serve(execute_cb)
+        rate = self.server.rate(20)
+        for _ in range(2):
+            self.expect(self.client.send(0), SUCCEEDED)
+        goal = self.send_active(1)
+        self.client.cancel(goal)
+        self.expect(goal, PREEMPTED)
+        self.assertEqual([True, True], self.slept[:2])
+
+    def test_preempt_request_of_the_program_wakes_rate(self):
+        self.serve(self.work)
+        goal = self.send_active(2)
+        self.server.preempt_request = True
+        self.expect(goal, PREEMPTED, "preempted by the server")
+        self.assertEqual([False], self.slept)
 
     def test_goal_after_a_cancelled_one_sleeps_its_period(self):
         def execute_cb(goal):
@@ -276,6 +393,31 @@ class TestRobustServer(unittest.TestCase):
         self.client.wait(lambda: goal in self.client.states, "the goal in the status")
         self.assertEqual([0], self.started)
 
+    def test_del_in_execute_cb_ends_its_thread_afterwards(self):
+        def execute_cb(_):
+            self.server.__del__()
+            self.server.set_succeeded()
+
+        self.serve(execute_cb)
+        self.expect(self.client.send(0), SUCCEEDED)
+        self.server.execute_thread.join(10)
+        self.assertFalse(self.server.execute_thread.is_alive())
+
+    def test_constructor_that_fails_says_nothing_else(self):
+        program = Process([sys.executable, "-c", """if True:
+            from actions_tutorial import msg, robust
+            import threading
+            for kind, timeout in (int, 1), (msg.WashTheDishesAction, -1), (msg.WashTheDishesAction, 1):
+                try:
+                    threading.stack_size(1 << 45 if timeout == 1 else 0)  # no thread can be started
+                    robust.SimpleActionServer("fails", kind, print, False, shutdown_timeout=timeout)
+                except Exception as error:
+                    print(type(error).__name__)"""])
+        self.addCleanup(program.stop)
+        self.assertEqual(0, program.wait(), program)
+        self.assertEqual(["ActionException", "ValueError", "RuntimeError"], program.stdout.split())
+        self.assertEqual("", program.stderr)
+
     def test_server_stopped_during_a_goal_can_start_again(self):
         def execute_cb(goal):
             if goal.number_of_minutes:
@@ -317,6 +459,31 @@ class TestRobustServer(unittest.TestCase):
         self.client.send(0)
         self.expect(goal, PREEMPTED, "a newer goal came")
 
+    def test_newer_goal_that_was_cancelled_is_still_the_reason(self):
+        free = threading.Event()
+
+        def execute_cb(goal):
+            self.started.append(goal.number_of_minutes)
+            free.wait(30)
+            self.server.set_preempted()
+
+        self.serve(execute_cb)
+        older = self.send_active(1)
+        newer = self.client.send(2)
+        self.client.wait(lambda: newer in self.client.states, "a goal that waits")
+        self.client.cancel(newer)
+        self.expect(newer, RECALLED, "cancelled before it was started")
+        free.set()
+        self.expect(older, PREEMPTED, "a newer goal came")
+
+    def test_cancel_that_comes_before_its_goal_is_the_reason(self):
+        self.serve(self.work)
+        self.client.cancel("early")
+        self.client.wait(lambda: "early" in self.client.states, "a status that lists the cancel")
+        self.client.send(1, goal_id="early")
+        self.expect("early", RECALLED, "cancelled before it was started")
+        self.assertEqual([], self.started)
+
     # Stamps and ids
 
     def test_goal_with_an_earlier_stamp_takes_over(self):
@@ -340,6 +507,14 @@ class TestRobustServer(unittest.TestCase):
         self.expect(goal, PREEMPTED)
         self.expect(self.client.send(0), SUCCEEDED)
 
+    def test_goal_stamped_before_a_cancel_from_the_future_is_recalled(self):
+        self.serve(self.work)
+        stamp = rospy.Time.now()
+        goal = self.send_active(2)
+        self.client.cancel(stamp=stamp + rospy.Duration(1000))
+        self.expect(goal, PREEMPTED)
+        self.expect(self.client.send(0, stamp=stamp), RECALLED)
+
     def test_repeated_id_is_logged_and_not_executed(self):
         self.serve(self.work)
         for _ in range(2):
@@ -348,8 +523,36 @@ class TestRobustServer(unittest.TestCase):
         self.expect("twice\033[2J", SUCCEEDED)
         self.expect(self.client.send(0), SUCCEEDED)
         self.assertEqual([0, 0], self.started)
+        lines = [line.msg for line in self.log if self.name + ": goal ignored" in line.msg]
+        self.assertEqual(1, len(lines), lines)
 
-    # A goal that is cancelled while it waits
+    # A goal that is over while it waits
+
+    def test_waiting_goal_is_recalled_for_a_newer_one(self):
+        free = threading.Event()
+
+        def execute_cb(goal):
+            self.started.append(goal.number_of_minutes)
+            free.wait(30)
+            self.server.set_preempted()
+
+        self.serve(execute_cb)
+        older = self.send_active(1)
+        waiting = self.client.send(2)
+        self.client.wait(lambda: waiting in self.client.states, "a goal that waits")
+        self.client.send(3)
+        self.expect(waiting, RECALLED, "a newer goal came")
+        self.assertNotIn(older, self.client.results, "RECALLED at once")
+        free.set()
+
+    def test_stamp_of_a_goal_that_was_recalled_is_forgotten(self):
+        self.serve(goal_cb=lambda: self.started.append("came"))
+        waiting = self.client.send(1, stamp=rospy.Time.now() + rospy.Duration(1000))
+        eventually(lambda: self.started, "a goal", self.client)
+        self.client.cancel(waiting)
+        self.expect(waiting, RECALLED)
+        self.server.register_goal_callback(lambda: (self.server.accept_new_goal(), self.server.set_succeeded()))
+        self.expect(self.client.send(0), SUCCEEDED)
 
     def test_accept_new_goal_of_a_goal_cancelled_is_none(self):
         self.serve(goal_cb=lambda: self.started.append("came"))
@@ -404,6 +607,25 @@ class TestRobustServer(unittest.TestCase):
         self.expect(self.client.send(0), ABORTED)
         self.wait_log(self.name + " waits for goals")
         self.wait_log(self.name + ": goal ABORTED: out of soap")
+
+    def test_log_handler_may_wait_for_a_call_of_the_server(self):
+        active = []
+
+        class Handler(logging.Handler):
+            def emit(_, record):
+                if "ABORTED: out of soap" in record.getMessage():
+                    thread = threading.Thread(target=lambda: active.append(self.server.is_active()))
+                    thread.start()
+                    thread.join(5)
+                    active.append("logged")
+
+        handler = Handler()
+        logging.getLogger("rosout").addHandler(handler)
+        self.addCleanup(logging.getLogger("rosout").removeHandler, handler)
+        self.serve(lambda goal: self.server.set_aborted(text="out of soap"))
+        self.expect(self.client.send(0), ABORTED)
+        eventually(lambda: len(active) == 2, "a line of log", self.client)
+        self.assertEqual([False, "logged"], active)
 
     def test_goal_that_succeeded_is_not_logged(self):
         self.serve(lambda goal: self.server.set_aborted() if goal.number_of_minutes else self.server.set_succeeded())

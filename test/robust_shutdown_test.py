@@ -169,8 +169,26 @@ class TestServer(unittest.TestCase):
         self.assertGreater(time.monotonic() - begun, 0.9)
         self.program.wait(10)
 
-    def test_waiting_goal_is_recalled(self):
+    def test_goal_that_keeps_the_servers_lock_is_aborted(self):
         self.start()
+        client = self.connect()
+        goal = self.send_active(client, 900)
+        self.interrupt()
+        client.wait(lambda: client.results.get(goal), "a result")
+        self.assertEqual(ABORTED, client.results[goal][0].status.status)
+        self.program.wait(10)
+
+    def test_server_that_was_stopped_during_a_goal_raises_nothing(self):
+        self.start()
+        client = self.connect()
+        client.send(800)
+        self.program.expect("stopped")
+        self.interrupt()
+        self.program.wait(10)
+        self.assertNotIn("Traceback", self.program.stderr, self.program)
+
+    def test_goals_are_aborted_where_no_thread_can_be_started(self):
+        self.start("no_threads")
         client = self.connect()
         first = self.send_active(client, 100)
         waiting = client.send(1)
@@ -178,6 +196,46 @@ class TestServer(unittest.TestCase):
         self.interrupt()
         self.expect(client, waiting, RECALLED, SHUTTING_DOWN)
         self.expect(client, first, ABORTED, SHUTTING_DOWN)
+
+    def test_status_that_is_due_when_the_topics_close_raises_nothing(self):
+        rospy.set_param(self.namespace + "/actionlib_status_frequency", 50)
+        program = self.programs.program("servers_and_clients", ROS_NAMESPACE=self.namespace)
+        program.expect("ready")
+        program.signal(signal.SIGINT)
+        program.wait()
+        self.assertNotIn("Traceback", program.stderr, program)
+
+    def test_signal_just_before_a_rate_waits_ends_its_sleep(self):
+        for line in "with clock", "clock.wait":
+            self.programs.program("interrupted_rate", line).expect("slept False", timeout=20)
+
+    def test_result_of_20_mb_arrives(self):
+        self.start()
+        client = self.connect("second")
+        goal = self.send_active(client, 1000)
+        self.interrupt()
+        client.wait(lambda: client.results.get(goal), "a result", timeout=10)
+        self.assertEqual(300000, len(client.results[goal][0].result.dishes_washed))
+
+    def test_waiting_goal_is_recalled_at_once(self):
+        self.start()
+        client = self.connect("second")
+        first = self.send_active(client, 100)
+        waiting = client.send(1)
+        client.wait(lambda: waiting in client.states, "a goal that waits")
+        self.interrupt()
+        self.expect(client, waiting, RECALLED, SHUTTING_DOWN)
+        self.assertNotIn(first, client.results, "RECALLED at once")
+        self.expect(client, first, ABORTED, SHUTTING_DOWN)
+
+    def test_goal_that_comes_after_the_timeout_is_recalled_at_once(self):
+        self.start("5")
+        client = self.connect()
+        goal = self.send_active(client, 100)
+        self.interrupt()
+        self.expect(client, goal, ABORTED, SHUTTING_DOWN)
+        self.expect(client, client.send(1), RECALLED, SHUTTING_DOWN)
+        self.assertNotIn("hook ended", self.program.stdout)
 
     def test_two_servers_end_their_goals_at_once(self):
         self.start()
@@ -204,6 +262,24 @@ class TestServer(unittest.TestCase):
         self.interrupt()
         self.expect(client, goal, ABORTED, SHUTTING_DOWN)
         self.assertLess(time.monotonic() - begun, 0.9, "shutdown_timeout is 1 s")
+
+    def test_preempt_callback_without_a_goal_is_not_called(self):
+        self.start()
+        client = self.connect("callbacks")
+        goal = self.send_active(client, 1200)
+        self.expect(client, goal, PREEMPTED, "preempted by the server")
+        self.interrupt()
+        self.program.wait()
+        self.assertNotIn("preempt callback", self.program.stdout)
+
+    def test_preempt_callback_that_blocks_delays_no_outcome(self):
+        self.start()
+        client = self.connect("callbacks")
+        goal = self.send_active(client, 1100)
+        self.interrupt()
+        client.wait(lambda: client.results.get(goal), "a result", timeout=10)
+        self.assertEqual(ABORTED, client.results[goal][0].status.status)
+        self.program.wait(10)
 
     def test_hook_of_3_s_ends_and_delays_no_outcome(self):
         self.start("3")
@@ -244,6 +320,12 @@ class TestClient(ScriptedCase):
         program.expect("PREEMPTED goal PREEMPTED: cancelled")
         program.wait()
         self.assertNotIn("Traceback", program.stdout + program.stderr)
+
+    def test_client_that_raises_keeps_no_other_from_its_cancel(self):
+        program = self.start("ACTIVE cancel result:PREEMPTED", "breaks_another")
+        program.signal(signal.SIGINT)
+        program.expect("PREEMPTED goal PREEMPTED: cancelled")
+        program.wait()
 
     def test_shutdown_from_done_cb_waits_for_nothing(self):
         program = self.start("ACTIVE 0.2 result:SUCCEEDED", "signals_shutdown")

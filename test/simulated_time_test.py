@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Both servers, and robust's client, on a clock in the test's hand: it stands still unless the test turns it."""
+"""Both servers, robust's client and rate, on a clock in the test's hand: it stands still unless the test turns it."""
+import sys
 import threading
 import time
 import unittest
@@ -10,7 +11,7 @@ from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
 import rospy
 import rostest
 
-from harness import PREEMPTED, PREEMPTING, SUCCEEDED, RawClient, SimulatedClock, bowls, eventually, wait_connected
+from harness import PREEMPTED, PREEMPTING, SUCCEEDED, RawClient, SimulatedClock, bowls, eventually, run, wait_connected
 
 PAUSE = 1.5  # s, real time, for what must not happen on a paused clock
 
@@ -146,6 +147,85 @@ class TestRobustActionServer(ServerTests, unittest.TestCase):
             self.assertFalse(ended.wait(0.3))
         self.clock.turn(0.5)
         self.assertTrue(ended.wait(5))
+
+
+class TestRate(unittest.TestCase):
+    """The rate of a server in this process."""
+
+    @classmethod
+    def setUpClass(cls):
+        rospy.init_node("simulated_time_test")
+        cls.server = robust.SimpleActionServer("rate", WashTheDishesAction, auto_start=False)
+        cls.early = cls.server.rate(1)
+        cls.clock = SimulatedClock()
+
+    def sleep(self, rate):
+        """Have a thread sleep on rate. Returns a list that gets what sleep() returns."""
+        slept = []
+        threading.Thread(target=lambda: slept.append(rate.sleep()), daemon=True).start()
+        return slept
+
+    def turn_until(self, seconds, slept):
+        """Turn the clock on by seconds, in two steps. Expect that sleep() returns after the second one."""
+        self.clock.turn(seconds / 2)
+        time.sleep(PAUSE / 5)
+        self.assertEqual([], slept)
+        self.clock.turn(seconds / 2)
+        eventually(lambda: slept == [True], "the end of the period", timeout=10)
+
+    def test_rate_made_before_the_clock_sleeps_its_period(self):
+        slept = self.sleep(self.early)
+        time.sleep(PAUSE / 5)
+        self.turn_until(1, slept)
+
+    def test_clock_set_back_begins_one_period_anew(self):
+        rate = self.server.rate(1)
+        slept = self.sleep(rate)
+        time.sleep(PAUSE / 5)
+        self.clock.turn(-500)
+        self.turn_until(1, slept)
+        self.clock.turn(0.5)  # work
+        self.assertEqual(0.5, rate.remaining().to_sec())
+
+    def test_late_rate_catches_up_as_rospys_does(self):
+        self.check_as_rospys(1.5, 0.25, 0.25)
+
+    def test_rate_that_is_too_late_gives_up_as_rospys_does(self):
+        self.check_as_rospys(5.25, 1)
+
+    def test_clock_that_jumps_during_a_sleep_is_as_with_rospys(self):
+        rates = self.server.rate(1), rospy.Rate(1)
+        slept = [self.sleep(rate) for rate in rates]
+        time.sleep(PAUSE / 5)
+        self.clock.turn(5.25)
+        eventually(lambda: all(slept), "the end of the period", timeout=10)
+        self.check_as_rospys(0, 1, rates=rates)
+
+    def check_as_rospys(self, *turns, rates=None):
+        """Turn the clock on by each of turns, and sleep as often as a rate is late: as often as rospy's, and both have
+        the same time left."""
+        ours, rospys = rates or (self.server.rate(1), rospy.Rate(1))
+        for seconds in turns:
+            self.clock.turn(seconds)
+            while rospys.remaining() <= rospy.Duration():
+                self.assertEqual(rospys.remaining(), ours.remaining())
+                rospys.sleep()
+                self.assertTrue(ours.sleep())
+            self.assertEqual(rospys.remaining(), ours.remaining())
+
+    def test_sleep_after_a_shutdown_raises(self):
+        output = run(sys.executable, "-c", """if True:
+            from actions_tutorial import msg, robust
+            import rospy
+            rospy.init_node("interrupted")
+            rate = robust.SimpleActionServer("interrupted", msg.WashTheDishesAction, auto_start=False).rate(1)
+            rospy.signal_shutdown("done")
+            print(rate.sleep())
+            try:
+                rate.sleep()
+            except rospy.ROSInterruptException:
+                print("interrupted")""", timeout=30)
+        self.assertEqual("False\ninterrupted\n", output)
 
 
 if __name__ == "__main__":

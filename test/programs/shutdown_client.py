@@ -5,6 +5,7 @@ SCRIPT: what the scripted server does. HOOK: seconds that a function given to ro
 * default: without cancel_on_shutdown.
 * cancels: with cancel_on_shutdown.
 * stops_another: the same beside ten such clients with a goal whose action_client was stopped.
+* breaks_another: the same beside ten such clients whose action_client was set to None, too.
 * signals_shutdown: with cancel_on_shutdown, and done_cb calls rospy.signal_shutdown.
 """
 import contextlib
@@ -25,7 +26,7 @@ def main():
     if hook:
         rospy.on_shutdown(lambda: time.sleep(float(hook[0])) or os.write(1, b"hook ended\n"))
     clients = [robust.SimpleActionClient("scripted", TestRequestAction, cancel_on_shutdown=how != "default")
-               for _ in range(11 if how == "stops_another" else 1)]
+               for _ in range(11 if how.endswith("another") else 1)]
     client = clients.pop(5 if clients[5:] else 0)  # neither the first nor the last
     client.wait_for_server()
     active = threading.Event()
@@ -38,6 +39,8 @@ def main():
     for another in clients:
         another.send_goal(TestRequestGoal(result_text="ACTIVE"))
         another.action_client.stop()
+        if how == "breaks_another":
+            another.action_client = None
     client.send_goal(TestRequestGoal(result_text=script), done_cb, active.set)
     active.wait()
     with contextlib.suppress(AttributeError):  # of Debian 11's rospy, see harness.py

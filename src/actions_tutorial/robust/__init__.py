@@ -28,27 +28,22 @@ __version__ = "2.2.0"
 
 
 def _on_shutdown() -> None:
-    """Ask servers and clients to end their goals. The function that this one registers is called last, and waits for
+    """Ask servers and clients to end their goals. The functions that this one registers are called last, and wait for
     the outcomes, so the program's own functions are not delayed."""
-    all_of_them = [reference() for reference in [*server.servers.valuerefs(), *client.clients.valuerefs()]]
-    waits = [wait for wait in [_attempt(one._begin_shutdown) for one in all_of_them if one is not None] if wait]
-
-    def wait_for_outcomes() -> None:
-        for wait in waits:
-            _attempt(wait)
-        time.sleep(0.1)  # rospy sends from threads of its own
-
+    waits = []
+    for reference in [*server.servers.valuerefs(), *client.clients.valuerefs()]:
+        server_or_client = reference()
+        try:
+            wait = server_or_client and server_or_client._begin_shutdown()
+        except Exception:  # the other goals are ended all the same
+            server.log(rospy.logerr, "robust: the shutdown of a goal failed\n%s", traceback.format_exc())
+            continue
+        if wait:
+            waits.append(wait)
     if waits:
-        rospy.on_shutdown(wait_for_outcomes)
-
-
-def _attempt(function):
-    """Returns function(). If it raises, the traceback is logged, and the other goals are ended all the same."""
-    try:
-        return function()
-    except Exception:
-        server.log(rospy.logerr, "robust: the shutdown of a goal failed\n%s", traceback.format_exc())
-        return None
+        waits.append(lambda: time.sleep(0.1))  # rospy sends from threads of its own
+    for wait in waits:
+        rospy.on_shutdown(wait)
 
 
 rospy.on_shutdown(_on_shutdown)

@@ -7,7 +7,7 @@ rospy.Rate's last_time and sleep_dur, which sleep() advances as rospy's own does
 """
 from __future__ import annotations
 
-from typing import Any, Callable
+from typing import Any, Callable, Optional
 
 import rospy
 
@@ -20,12 +20,14 @@ class Rate(rospy.Rate):
     hz: 1/s, on the ROS clock.
     request: called when sleep() begins and after each wake(), with no lock held. Returns None, or an object that
         stands for the request to stop: the same one for as long as it is the same request.
+    before: the rate made before this one, for a loop that makes one in each turn. What it has answered is answered.
     """
 
-    def __init__(self, hz: float, request: Callable[[], Any]) -> None:
+    def __init__(self, hz: float, request: Callable[[], Any], before: Optional[Rate]) -> None:
         super().__init__(hz)
         self.last_time: rospy.Time
-        self._request, self._answered = request, None
+        self._request = request
+        self._answered: Any = before and before._answered
 
     def sleep(self) -> bool:
         """Sleep until the end of the period. A late call does what rospy.Rate does. If the clock is set back, a new

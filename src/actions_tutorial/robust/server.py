@@ -2,19 +2,20 @@
 """SimpleActionServer: goals start at once, stop at once, and always reach a terminal state with a text.
 
 Used of actionlib though its documentation does not list it:
-* of SimpleActionServer: internal_goal_callback, internal_preempt_callback, executeLoop, need_to_terminate and __del__,
-  which are overridden; action_server, lock, execute_condition, execute_callback, execute_thread, preempt_callback,
-  current_goal, next_goal, new_goal, preempt_request. It offers no other way to start goals without a poll, or to end
+* of SimpleActionServer: internal_goal_callback, internal_preempt_callback, executeLoop, need_to_terminate,
+  preempt_request and __del__, which are overridden; action_server, execute_condition, execute_callback, execute_thread,
+  preempt_callback, current_goal, next_goal, new_goal. It offers no other way to start goals without a poll, or to end
   one that waits.
 * of ActionServer: initialize, publish_result, publish_feedback, internal_goal_callback and internal_cancel_callback,
-  which are overridden; publish_status_async, ns, lock, started, status_list, status_timer, status_frequency,
+  which are overridden; publish_status_async, lock, started, status_list, status_timer, status_frequency,
   last_cancel, result_pub and the message types.
 * of ServerGoalHandle and StatusTracker: status_tracker, goal, status. Reading them needs no lock, which a callback of
   the program may hold.
 
-Threads: one for execute_cb; a rospy.Timer that publishes the status; one that ends the goals on shutdown. Goals and
-cancels come in rospy's. Order of the locks: action_server.lock, then lock. What is logged while they are held is
-written afterwards, by the same thread: see _ActionServer.locked().
+Threads: one for execute_cb; a rospy.Timer that publishes the status; on shutdown one that ends the goals. Goals and
+cancels come in rospy's. action_server.lock guards the goals; execute_condition, which is locked after it, is for
+executeLoop alone. What is logged while they are held is written afterwards, by the same thread: see
+_ActionServer.locked().
 """
 from __future__ import annotations
 
@@ -29,7 +30,7 @@ from typing import Any, Callable, Optional
 import actionlib
 import genpy
 import rospy
-from actionlib_msgs.msg import GoalStatus
+from actionlib_msgs.msg import GoalID, GoalStatus
 
 from .rate import Rate, wake
 
@@ -59,7 +60,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         # No execute_cb here: for one, actionlib would start a thread that polls.
         super().__init__(name, ActionSpec, execute_cb=None, auto_start=False)
         self.__shutdown_timeout = shutdown_timeout
-        self.__accepted_by = self.__ended_by = 0  # threads: the last to accept a goal, and the last to end one
+        self.__overtaken: Optional[GoalID] = None  # of the last goal that a newer one should replace
+        self.__last_rate: Optional[Rate] = None
         self.action_server = _ActionServer(
             name, ActionSpec, self.internal_goal_callback, self.internal_preempt_callback)
         if execute_cb:
@@ -68,10 +70,15 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             self.execute_thread.start()
         servers[id(self)] = self
         if auto_start:
-            self.start()
+            self.action_server.start()  # not start(), which a subclass may have overridden
 
     def __del__(self) -> None:
-        """Does nothing, unlike actionlib's, which joins the thread of execute_cb."""
+        """End the thread of execute_cb, as actionlib's does. Returns when the goal that runs is over."""
+        thread = getattr(self, "execute_thread", None)  # None after a constructor that failed, too
+        if thread:
+            self.need_to_terminate = True
+            if thread.ident not in (None, threading.get_ident()):
+                thread.join()
 
     @property
     def need_to_terminate(self) -> bool:
@@ -82,8 +89,18 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def need_to_terminate(self, value: bool) -> None:
         self.__need_to_terminate = value
         if value:
-            with self.lock:
+            with self.execute_condition:
                 self.execute_condition.notify_all()
+
+    @property
+    def preempt_request(self) -> bool:
+        """Whether the goal should stop, but for a shutdown: a program may set it to ask its own goal to stop."""
+        return self.__preempt_request
+
+    @preempt_request.setter
+    def preempt_request(self, value: bool) -> None:
+        self.__preempt_request = value
+        wake()
 
     def rate(self, hz: float) -> Rate:
         """Returns a rate for the work on a goal: a rospy.Rate whose sleep() returns True at the end of the period, and
@@ -92,26 +109,20 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
         hz: 1/s, on the ROS clock.
 
-        For servers with goal callbacks: the rate belongs to the goal that runs when it is made. If another thread has
-        ended that goal or accepted a newer one, sleep() returns False, too. Return without set_preempted or the others
-        then, since they would end the newer goal. current_goal is another object than before, which shows it.
+        A rate belongs to the goal that runs when it is made: once that goal is over, sleep() returns False, too. Return
+        without set_preempted or the others then, since they would end a newer goal.
         """
         own = self.__running_goal()
 
         def request() -> Any:
-            nonlocal own
             if self.action_server.is_shutting_down:
                 return SHUTTING_DOWN
-            if self.is_preempt_requested():
-                return self.current_goal
-            running = self.__running_goal()
-            if own and running is not own:
-                if threading.get_ident() not in (self.__accepted_by, self.__ended_by):
-                    return self.current_goal
-                own = running
-            return None
+            if own and own is not self.__running_goal():
+                return own
+            return self.current_goal if self.is_preempt_requested() else None
 
-        return Rate(hz, request)
+        self.__last_rate = Rate(hz, request, self.__last_rate)
+        return self.__last_rate
 
     def __running_goal(self):
         """Returns the goal that is active, or None. Needs no lock, unlike is_active()."""
@@ -127,16 +138,12 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
         Returns the goal, or None if none waits, for instance since it was cancelled.
         """
-        goal = None
-        with self.action_server.locked(), self.lock:
+        with self.action_server.locked():
             if not self.new_goal:
                 return None
             if self.is_active():
-                SimpleActionServer.set_preempted(self)  # not that of a subclass, which is the program's
-            self.__accepted_by = threading.get_ident()
-            goal = super().accept_new_goal()
-        wake()
-        return goal
+                self.current_goal.set_canceled(None, self.__why_preempted())
+            return super().accept_new_goal()
 
     def set_succeeded(self, result: Optional[genpy.Message] = None, text: str = "") -> None:
         """End the goal SUCCEEDED.
@@ -145,7 +152,6 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         text: for the client, by default "all done".
         """
         with self.action_server.locked():
-            self.__ended_by = threading.get_ident()
             super().set_succeeded(result, text or "all done")
 
     def set_aborted(self, result: Optional[genpy.Message] = None, text: str = "") -> None:
@@ -154,7 +160,6 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         result: None is an empty one. text: for the client, by default "the server gave up".
         """
         with self.action_server.locked():
-            self.__ended_by = threading.get_ident()
             super().set_aborted(result, text or "the server gave up")
 
     def set_preempted(self, result: Optional[genpy.Message] = None, text: str = "") -> None:
@@ -163,15 +168,18 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
         result: None is an empty one. text: for the client, by default why the goal had to stop.
         """
-        with self.action_server.locked(), self.lock:
-            self.__ended_by = threading.get_ident()
-            cancelled = self.current_goal.get_goal_status().status == GoalStatus.PREEMPTING
-            if self.action_server.is_shutting_down and not cancelled:
+        with self.action_server.locked():
+            why = self.__why_preempted()
+            if self.action_server.is_shutting_down and why != "cancelled":
                 super().set_aborted(result, "%s: %s" % (SHUTTING_DOWN, text) if text else SHUTTING_DOWN)
             else:
-                why = "cancelled" if cancelled else \
-                    "a newer goal came" if self.new_goal or self.preempt_request else "preempted by the server"
                 super().set_preempted(result, text or why)
+
+    def __why_preempted(self):
+        status = self.current_goal.get_goal_status()
+        if status.status == GoalStatus.PREEMPTING:
+            return "cancelled"
+        return "a newer goal came" if status.goal_id is self.__overtaken else "preempted by the server"
 
     def register_goal_callback(self, cb: Optional[Callable[[], Any]]) -> None:
         """Have cb() called when a goal has come, instead of an execute_cb. If it raises, the goal is ABORTED if it was
@@ -184,46 +192,41 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         super().register_preempt_callback(cb and (lambda: self.__call_preempt_callback(cb)))
 
     def __call_goal_callback(self, cb):
-        wake()  # the callback may take long
         goal = self.next_goal
         try:
             cb()
         except BaseException as error:  # after SystemExit, actionlib would keep its lock
-            text = self.__failed("the goal callback", error)
+            text, lines = _failure("the goal callback", error)
+            self.action_server.log(rospy.logerr, lines)
             if goal.get_goal_status().status in _WAITING:
                 self.__recall_next_goal(text)
             elif goal == self.current_goal and self.is_active():
                 self.set_aborted(None, text)
 
     def __call_preempt_callback(self, cb):
-        wake()
         try:
             cb()
         except BaseException as error:
-            self.__failed("the preempt callback", error)
+            self.action_server.log(rospy.logerr, _failure("the preempt callback", error)[1])
 
     def internal_goal_callback(self, goal: actionlib.ServerGoalHandle) -> None:
         """Overrides actionlib's: a goal has come. The last one wins, whatever its stamp."""
         if self.action_server.is_shutting_down:
             goal.set_canceled(None, SHUTTING_DOWN)
             return
-        with self.lock:
-            if self.new_goal:
-                self.__recall_next_goal("a newer goal came")
-            older, stamp = self.current_goal, goal.get_goal_id().stamp
-            if older.get_goal() and older.get_goal_id().stamp > stamp:
-                older.get_goal_id().stamp = stamp  # since actionlib refuses a goal with an earlier stamp
-            super().internal_goal_callback(goal)
-        wake()
+        if self.new_goal:
+            self.__recall_next_goal("a newer goal came")
+        if self.current_goal.get_goal():
+            self.__overtaken = older = self.current_goal.get_goal_id()
+            older.stamp = min(older.stamp, goal.get_goal_id().stamp)  # actionlib refuses a goal with an earlier stamp
+        super().internal_goal_callback(goal)
 
     def internal_preempt_callback(self, goal: actionlib.ServerGoalHandle) -> None:
         """Overrides actionlib's: a cancel has come. A goal that waits is RECALLED, and not started."""
-        with self.lock:
-            if self.new_goal and goal == self.next_goal:
-                self.__recall_next_goal("cancelled before it was started")
-            else:
-                super().internal_preempt_callback(goal)
-        wake()
+        if self.new_goal and goal == self.next_goal:
+            self.__recall_next_goal("cancelled before it was started")
+        else:
+            super().internal_preempt_callback(goal)
 
     def __recall_next_goal(self, text):
         self.new_goal = False
@@ -233,66 +236,51 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def executeLoop(self) -> None:
         """Overrides actionlib's, which polls: call execute_cb for each goal as soon as it has come."""
         while True:
-            with self.lock:
-                self.execute_condition.wait_for(lambda: self.new_goal or self.__is_at_end())
-                if self.__is_at_end():
+            with self.execute_condition:
+                self.execute_condition.wait_for(lambda: self.new_goal or self.__is_terminating())
+                if self.__is_terminating():
                     return
             goal = self.accept_new_goal()
             if goal is not None:  # it may have been cancelled in between
                 self.__execute(goal)
 
-    def __is_at_end(self):
+    def __is_terminating(self):
         return self.need_to_terminate or self.action_server.is_shutting_down
 
     def __execute(self, goal):
-        error = None
+        text, lines = "execute_cb returned without a terminal state", None
         try:
             self.execute_callback(goal)
-        except BaseException as raised:  # SystemExit would end the thread
-            error = raised
-        # The program may have called action_server.stop() meanwhile.
-        with contextlib.suppress(rospy.ROSException), self.action_server.locked():
-            if error is not None:
-                self.__abort(self.__failed("execute_cb", error))
-            elif self.__abort("execute_cb returned without a terminal state"):
-                self.action_server.log(
-                    rospy.logwarn, "%s: execute_cb returned without a terminal state", self.action_server.name)
-
-    def __abort(self, text):
-        """Returns whether the goal was active still."""
-        was_active = self.is_active()
-        if was_active:
-            self.set_aborted(None, SHUTTING_DOWN if self.action_server.is_shutting_down else text)
-        return was_active
-
-    def __failed(self, what, error):
-        """Log the traceback of error. Returns a text for the client."""
-        lines = traceback.format_exception(type(error), error, error.__traceback__)
-        self.action_server.log(rospy.logerr, "%s: %s failed\n%s", self.action_server.name, what, "".join(lines))
-        return "%s failed: %s" % (what, "".join(traceback.format_exception_only(type(error), error)).strip())
+        except BaseException as error:  # SystemExit would end the thread
+            text, lines = _failure("execute_cb", error)
+        was_active = False
+        with contextlib.suppress(rospy.ROSException):  # the program may have called action_server.stop() meanwhile
+            was_active = self.is_active()
+            if was_active:
+                self.set_aborted(None, SHUTTING_DOWN if self.action_server.is_shutting_down else text)
+        if lines or was_active:
+            self.action_server.log(rospy.logerr if lines else rospy.logwarn, lines or ": " + text)
 
     def _begin_shutdown(self) -> Optional[Callable[[], None]]:
         """For the library: ask the goals to stop, without waiting. Returns a function that waits until they have
         reached a terminal state, or None if they have."""
         self.action_server.is_shutting_down = True
-        wake()
-        if self.lock.acquire(timeout=0.1):  # a callback may hold it
-            self.execute_condition.notify_all()  # the thread of execute_cb ends
-            self.lock.release()
-        if self.action_server.is_idle():
-            return None
-        deadline = time.monotonic() + self.__shutdown_timeout
+        is_idle, deadline = self.action_server.is_idle(), time.monotonic() + self.__shutdown_timeout
         try:
             threading.Thread(target=self.__end_goals, args=[deadline], daemon=True).start()
         except RuntimeError:  # Python 3.12 and later start no thread while the interpreter shuts down
             self.__end_goals(deadline)
         # 0.1 s later, since a callback of the program may block the thread, which then ends no goal.
-        return lambda: self.__finish(deadline + 0.1)
+        return None if is_idle else lambda: self.__finish(deadline + 0.1)
 
     def __end_goals(self, deadline):
+        wake()  # not from a signal's handler, which may have interrupted a rate that is about to wait
+        if self.execute_condition.acquire(timeout=0.1):  # a callback may hold it
+            self.execute_condition.notify_all()  # the thread of execute_cb ends
+            self.execute_condition.release()
         if self.action_server.lock.acquire(timeout=self.__shutdown_timeout):  # a callback may hold it
             try:
-                with self.action_server.locked(), self.lock:
+                with self.action_server.locked():
                     if self.new_goal:
                         self.__recall_next_goal(SHUTTING_DOWN)
                     if self.preempt_callback and self.is_active():
@@ -314,12 +302,13 @@ class _ActionServer(actionlib.ActionServer):
 
     def __init__(self, name, ActionSpec, goal_cb, cancel_cb):
         super().__init__(name, ActionSpec, goal_cb, cancel_cb, auto_start=False)
-        self.is_shutting_down = False
+        self.name, self.is_shutting_down = name, False
         self.depth, self.lines = 0, []  # of locked(): how often it is entered; [(function, its argument, …)]
 
     @contextlib.contextmanager
     def locked(self):
-        """Hold the lock. What is logged meanwhile is written after it is released."""
+        """Hold the lock. What is logged meanwhile is written after it is released. On shutdown, when the topics may be
+        closed, no rospy.ROSException comes out."""
         lines = []
         try:
             with self.lock:
@@ -327,7 +316,7 @@ class _ActionServer(actionlib.ActionServer):
                 try:
                     yield
                 except rospy.ROSException:
-                    if not self.is_shutting_down:  # else the topics are closed
+                    if not self.is_shutting_down:
                         raise
                 finally:
                     self.depth -= 1
@@ -337,21 +326,23 @@ class _ActionServer(actionlib.ActionServer):
             for line in lines:
                 log(*line)
 
-    def log(self, write, *line):
-        """Have write(*line) called, such as rospy.loginfo. On shutdown only errors are logged: a node that was shut
-        down since another one took its name must not log, or the master would shut that one down, too."""
+    def log(self, write, line):
+        """Have write, such as rospy.loginfo, called with the action's name and line. On shutdown only errors are
+        logged: a node that was shut down since another one took its name must not log, or the master would shut that
+        one down, too."""
         if write is rospy.logerr or not self.is_shutting_down:
-            self.lines.append((write,) + line)
+            with self.locked():
+                self.lines.append((write, "%s%s", self.name, line))
 
     def start(self):
         with self.locked():
             if not self.started:  # a second start would publish each status twice
                 super().start()
-                self.log(rospy.loginfo, "%s waits for goals", self.name)
+                self.log(rospy.loginfo, " waits for goals")
 
     def initialize(self):
         super().initialize()
-        self.name = rospy.resolve_name(self.ns)
+        self.name = rospy.resolve_name(self.name)
         if self.status_timer:
             # actionlib's timer ends when the clock is set back.
             self.status_timer.shutdown()
@@ -373,7 +364,8 @@ class _ActionServer(actionlib.ActionServer):
         with self.locked():
             super().publish_result(status, result)
             self.log(rospy.logdebug if status.status == GoalStatus.SUCCEEDED else rospy.loginfo,
-                     "%s: goal %s: %s", self.name, STATE_NAMES[status.status], status.text)
+                     ": goal %s: %s" % (STATE_NAMES[status.status], status.text))
+        wake()  # a rate of the goal, in another thread
 
     def publish_feedback(self, status, feedback):
         try:
@@ -382,6 +374,10 @@ class _ActionServer(actionlib.ActionServer):
             raise rospy.ROSSerializationException(str(error)) from error
         super().publish_feedback(status, feedback)
 
+    def publish_status(self):
+        with self.locked():
+            super().publish_status()
+
     def internal_goal_callback(self, goal):
         with self.locked():
             if self.last_cancel > rospy.Time.now():  # the clock was set back
@@ -389,8 +385,7 @@ class _ActionServer(actionlib.ActionServer):
             super().internal_goal_callback(goal)
             is_new = bool(self.status_list) and self.status_list[-1].goal is goal
             if not is_new and any(one.goal and one.status.goal_id.id == goal.goal_id.id for one in self.status_list):
-                self.log(
-                    rospy.logwarn, "%s: goal ignored: a goal with its id %r came before", self.name, goal.goal_id.id)
+                self.log(rospy.logwarn, ": goal ignored: a goal with its id %r came before" % goal.goal_id.id)
 
     def internal_cancel_callback(self, goal_id):
         with self.locked():
@@ -411,24 +406,30 @@ class _ActionServer(actionlib.ActionServer):
     def abort_unfinished(self):
         """End all goals that have no terminal state, even if a callback of the program keeps the lock."""
         locked = self.lock.acquire(timeout=0.1)
-        try:
-            for tracker in self.unfinished():
-                status = tracker.status
-                status.status = GoalStatus.RECALLED if status.status in _WAITING else GoalStatus.ABORTED
-                status.text = SHUTTING_DOWN
-                message = self.ActionResult(status=status, result=self.ActionResultType())
-                message.header.stamp = rospy.Time.now()
+        for tracker in self.unfinished():
+            status = tracker.status
+            status.status = GoalStatus.RECALLED if status.status in _WAITING else GoalStatus.ABORTED
+            status.text = SHUTTING_DOWN
+            message = self.ActionResult(status=status, result=self.ActionResultType())
+            message.header.stamp = rospy.Time.now()
+            with contextlib.suppress(rospy.ROSException):  # the program may have called stop()
                 self.result_pub.publish(message)
-        finally:
-            if locked:
-                self.publish_status()
-                self.lock.release()
+        if locked:
+            self.publish_status()
+            self.lock.release()
 
 
 def log(write: Callable[..., None], *line: Any) -> None:
     """Call write(*line), such as rospy.loginfo. What it raises, if stdout is closed say, must not affect a goal."""
     with contextlib.suppress(Exception):
         write(*line)
+
+
+def _failure(what, error):
+    """Returns a text for the client and one with the traceback for the log."""
+    text = "".join(traceback.format_exception_only(type(error), error)).strip()
+    lines = "".join(traceback.format_exception(type(error), error, error.__traceback__))
+    return "%s failed: %s" % (what, text), ": %s failed\n%s" % (what, lines)
 
 
 def _serialize(message, **fields):
