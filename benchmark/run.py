@@ -65,8 +65,8 @@ def write(folder, benchmark, timeline):
 
 def main(args):
     # Not at the top: --help needs no ROS.
-    from samples import FULL, QUICK, Benchmark  # first: it finds harness
-    from harness import Master
+    from samples import FULL, QUICK, Benchmark
+    from processes import Master
     import rospy
     begun, plan = time.monotonic(), QUICK if args.quick else FULL
     gc.disable()  # it takes up to 0.2 s in the midst of a sample

@@ -6,8 +6,9 @@ import subprocess
 import sys
 import time
 
-sys.path.insert(0, os.path.join(os.path.dirname(os.path.realpath(__file__)), "..", "test"))
-from harness import ACTIVE, PACKAGE, RawClient  # noqa: E402
+from processes import PACKAGE
+from raw_client import RawClient
+from states import ACTIVE
 
 SERVERS = {"floor": "benchmark/ping_pong.py", "plain": "scripts/action_server.py",
            "hz20": "benchmark/action_server_20_hz.py", "robust": "scripts/robust_action_server.py"}
@@ -29,7 +30,7 @@ class Peer(RawClient):
         self.times[goal_id, "stop"] = time.monotonic()
         super().cancel(goal_id)
 
-    def took(self, goal_id, *events, since="sent"):
+    def seconds_to(self, goal_id, *events, since="sent"):
         """Wait for the first of the events (keys of self.times). Returns the seconds to it."""
         def seen():
             return [self.times[goal_id, event] for event in events if (goal_id, event) in self.times]
@@ -75,17 +76,17 @@ class Benchmark:
                 if kind == "floor":  # with the same pauses: a process that has slept is slower
                     for pause in before / 5, first, second:
                         time.sleep(pause)
-                        self.add("answer", kind, peer.took(peer.send(0), "result"))
+                        self.add("answer", kind, peer.seconds_to(peer.send(0), "result"))
                     continue
                 time.sleep(before / 5)  # an idle server sends its status every 0.2 s
-                self.add("feedback", kind, peer.took(peer.send(1000), "bowl-0"))
+                self.add("feedback", kind, peer.seconds_to(peer.send(1000), "bowl-0"))
                 time.sleep(first)
                 goal_id = peer.send(1000)
-                self.add("newer", kind, peer.took(goal_id, ACTIVE, "bowl-0"))
-                peer.took(goal_id, "bowl-0")
+                self.add("newer", kind, peer.seconds_to(goal_id, ACTIVE, "bowl-0"))
+                peer.seconds_to(goal_id, "bowl-0")
                 time.sleep(second)
                 peer.cancel(goal_id)
-                self.add("cancel", kind, peer.took(goal_id, "result", since="stop"))
+                self.add("cancel", kind, peer.seconds_to(goal_id, "result", since="stop"))
 
     def measure_idle(self):
         self.quiet()
@@ -104,7 +105,7 @@ class Benchmark:
             for kind, peer in self.turns():
                 begun = time.monotonic()
                 for _ in range(self.plan["goals"]):
-                    peer.took(peer.send(0), "result")
+                    peer.seconds_to(peer.send(0), "result")
                 self.add("empty", kind, self.plan["goals"] / (time.monotonic() - begun))
 
     def timeline(self):
@@ -122,8 +123,8 @@ class Benchmark:
                 for kind, peer in peers.items()}
 
     def story(self, peer, goal_id, begun):
-        peer.took(goal_id, "result")
-        active = peer.times[goal_id, "sent"] + peer.took(goal_id, ACTIVE, "bowl-0")
+        peer.seconds_to(goal_id, "result")
+        active = peer.times[goal_id, "sent"] + peer.seconds_to(goal_id, ACTIVE, "bowl-0")
         moments = {event: peer.times[goal_id, event] for event in ["sent", "stop", "result", *peer.bowls_of(goal_id)]}
         return {event: moment - begun for event, moment in dict(moments, active=active).items()}
 

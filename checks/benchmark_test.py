@@ -2,13 +2,14 @@
 import os
 import re
 
-from harness import PACKAGE, run
+from processes import PACKAGE, run
 
 RUN = os.path.join(PACKAGE, "benchmark", "run.py")
 
 
 def test_quick_run_has_all_figures_and_pictures(workspace, tmp_path):
-    output = run("/usr/bin/python3", RUN, "--quick", "--doc", str(tmp_path), timeout=200)
+    output = run("/usr/bin/python3", RUN, "--quick", "--doc", str(tmp_path), timeout=200,
+                 PYTHONPATH=os.pathsep.join([os.path.join(PACKAGE, "test"), os.environ["PYTHONPATH"]]))
     table = re.search(r"(^\|.*\n)+", output, re.M).group()
     _, _, *rows = [line.strip("| ").split(" | ") for line in table.splitlines()]
     assert len(rows) == 6

@@ -7,7 +7,8 @@ import shutil
 import pytest
 
 from conftest import ROOT
-from harness import Process, bowls, check_client, printed_bowls, run
+from printed import bowls, check_client, printed_bowls
+from processes import Process, run
 
 TOOLS = {  # the commands, and the space that they fill
     "catkin_make": (["catkin_make"], "devel"),

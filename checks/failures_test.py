@@ -6,7 +6,7 @@ import subprocess
 import pytest
 
 from conftest import Machine
-from harness import eventually
+from processes import eventually
 
 pytestmark = pytest.mark.needs("root", "debootstrap", "ip", "nsenter")
 CHECKOUT, WORKSPACE = "/srv/actions_tutorial", "/home/learner/workspace"

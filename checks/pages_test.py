@@ -16,7 +16,7 @@ import subprocess
 import pytest
 
 from conftest import ROOT
-from harness import run
+from processes import run
 
 PAGES = ["README.md"] + sorted("doc/" + name for name in os.listdir(os.path.join(ROOT, "doc")) if name.endswith(".md"))
 EDIT = re.compile("(Save this|Change) .*`~/([^`]*)`:$")  # stands above what a reader saves

@@ -12,7 +12,8 @@ import subprocess
 import pytest
 
 from conftest import ROOT
-from harness import Group, bowls, run
+from printed import bowls
+from processes import Group, run
 from typed_pages_test import edit, pattern_of, steps_of
 
 pytestmark = pytest.mark.needs("root", "ip", "nsenter")

@@ -4,7 +4,8 @@ import subprocess
 
 import pytest
 
-from harness import Group, check_client, eventually, run
+from printed import check_client
+from processes import Group, eventually, run
 
 pytestmark = pytest.mark.needs("root", "ip", "nsenter")
 HEARTBEAT_TIMEOUT, SERVER_TIMEOUT = 3, 6  # s

@@ -21,15 +21,14 @@ import pytest
 
 from conftest import ROOT
 from pages_test import EDIT, PAGES, blocks_of
-from harness import bound_socket
+from processes import bound_socket
 
 LIMIT = 300  # s to wait for what the page shows, many times what it takes
 PROMPT = "README> "
-# Colours, titles and bells; and what the page does not show: the traceback of Debian 11's rospy at exit, a warning that
-# rospy's tools print when a peer connects twice, an error that actionlib's client prints when an answer comes before
-# send_goal has returned (ros/actionlib #206); and of ./tutorial shell, that it waits, and how its prompt begins.
+# Colours, titles and bells; and what the page does not show: a warning that rospy's tools print when a peer connects
+# twice, an error that actionlib's client prints when an answer comes before send_goal has returned (ros/actionlib
+# #206); and of ./tutorial, that it waits, and how its prompt begins.
 NOISE = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]|\x1b\][^\x07]*\x07|\x07|\r(?=\n)"
-                   r"|(Error in atexit._run_exitfuncs:\r?\n)?Traceback .*\n(  .*\n)+AttributeError: .* 'isAlive'\r?\n"
                    r"|\[WARN\] .*: Inbound TCP/IP connection failed: .*\n"
                    r"|\[ERROR\] .*: Got a transition callback on .*\n"
                    r"|waiting for another \./tutorial …\r?\n|\((ros|actions_tutorial)\) (?=%s)" % PROMPT)
@@ -87,7 +86,7 @@ class Terminal:
         self.shell = pexpect.spawn("/bin/bash", cwd=ROOT, env=environment, dimensions=(50, 1000), encoding="utf-8",
                                    codec_errors="replace")
         self.all, self.text = everyone, ""  # text: what came and was not looked at yet
-        self.any_more, self.stopped = False, False  # stopped: ^C was typed, and no command since
+        self.may_go_on, self.stopped = False, False  # stopped: ^C was typed, and no command since
 
     def wait(self, happened, limit=LIMIT):
         """Read all terminals until happened(), at most limit s. Returns whether it has."""
@@ -126,11 +125,11 @@ class Terminal:
                 assert self.wait(lambda: "\n" in self.text), "line %d: no echo of what was typed" % step.number
                 self.text = self.text.partition("\n")[2]
 
-        before, etc = self.any_more or self.stopped, step.shown[-1:] == ["…"]
-        self.any_more = etc or self.stopped
-        lines = ["…"] * before + step.shown[:len(step.shown) - etc]
+        before, goes_on = self.may_go_on or self.stopped, step.shown[-1:] == ["…"]
+        self.may_go_on = goes_on or self.stopped
+        lines = ["…"] * before + step.shown[:len(step.shown) - goes_on]
         pattern = "".join(map(pattern_of, lines))
-        if returns and not self.any_more:
+        if returns and not self.may_go_on:
             pattern += r"(?=\s*%s)" % PROMPT
 
         def came():  # readline shows the new lines of a command as ^J
@@ -148,9 +147,9 @@ class Terminal:
         if not self.wait(lambda: mark in self.text):
             self.differs(step, [mark.strip()], self.text)
         rest, _, self.text = self.text.partition(mark)
-        if rest.strip() and not self.any_more:
+        if rest.strip() and not self.may_go_on:
             self.differs(step, [], rest)
-        self.any_more = False
+        self.may_go_on = False
 
     def differs(self, step, shown, came):
         """AssertionError with the lines shown and those that came."""

@@ -7,7 +7,10 @@ import unittest
 import rospy
 import rostest
 
-from harness import SUCCEEDED, Group, RawClient, bowls, printed_bowls
+from printed import bowls, printed_bowls
+from processes import Group
+from raw_client import RawClient
+from states import SUCCEEDED
 
 
 class ClientTests:

@@ -20,7 +20,9 @@ import rostest
 
 from actions_tutorial import robust
 from actions_tutorial.msg import WashTheDishesAction
-from harness import ABORTED, ACTIVE, PREEMPTED, SUCCEEDED, RawClient, eventually
+from processes import eventually
+from raw_client import RawClient
+from states import ABORTED, ACTIVE, PREEMPTED, SUCCEEDED
 from scripted import ScriptedCase, script
 
 LIBRARY = actionlib if os.environ.get("ACTIONLIB") == "plain" else robust

@@ -6,7 +6,11 @@ from actions_tutorial.msg import WashTheDishesGoal
 import rospy
 import rostest
 
-from harness import NAMES, SUCCEEDED, ActionTest, Group, RawClient, bowls, eventually
+from action_case import ActionTest
+from printed import bowls
+from processes import Group, eventually
+from raw_client import RawClient
+from states import NAMES, SUCCEEDED
 
 
 class TestFeedback(ActionTest):

@@ -7,13 +7,17 @@ from actions_tutorial.msg import WashTheDishesGoal
 import rospy
 import rostest
 
-from harness import ABORTED, PREEMPTED, RECALLED, SUCCEEDED, ActionTest, Group, RawClient, bowls
+from action_case import ActionTest
+from printed import bowls
+from processes import Group
+from raw_client import RawClient
+from states import ABORTED, PREEMPTED, RECALLED, SUCCEEDED
 
 
 class TestGoal(ActionTest):
 
     def wash(self, minutes):
-        """Send a goal and wait until it is over. Returns the seconds that it took."""
+        """Send a goal and wait until it is over. Returns for how long that was (s)."""
         begun = time.monotonic()
         self.send(WashTheDishesGoal(number_of_minutes=minutes))
         return time.monotonic() - begun

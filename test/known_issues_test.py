@@ -16,7 +16,9 @@ import rospy
 import rostest
 
 from actions_tutorial import msg, robust
-from harness import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED, RawClient, eventually
+from processes import eventually
+from raw_client import RawClient
+from states import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
 from scripted import Programs, ScriptedCase, script
 
 LOST = GoalStatus.LOST

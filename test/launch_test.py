@@ -7,7 +7,9 @@ import rosnode
 import rospy
 import rostest
 
-from harness import Group, RawClient, bowls, printed_bowls
+from printed import bowls, printed_bowls
+from processes import Group
+from raw_client import RawClient
 
 
 class LaunchTest(unittest.TestCase):

@@ -7,7 +7,9 @@ from actions_tutorial.msg import WashTheDishesGoal
 import rospy
 import rostest
 
-from harness import SUCCEEDED, ActionTest, Group, eventually
+from action_case import ActionTest
+from processes import Group, eventually
+from states import SUCCEEDED
 
 
 class TestPreempt(ActionTest):

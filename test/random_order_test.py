@@ -13,7 +13,10 @@ import unittest
 import rospy
 import rostest
 
-from harness import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED, RawClient, SimulatedClock, bowls
+from printed import bowls
+from raw_client import RawClient
+from simulated_clock import SimulatedClock
+from states import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
 
 SEED = int(os.environ.get("SEED", 1))
 SEQUENCES = int(os.environ.get("SEQUENCES", 80))
@@ -130,7 +133,7 @@ class Sequence:
     def end_a_goal_while_the_clock_runs_fast(self, way):
         with running(self.clock):
             self.end_a_goal_in_its_first_second(way, fast=True)
-        self.clock.lead(self.raw)  # or the next goal may overtake the clock, and begin too early
+        self.clock.turn_until_status_follows(self.raw)  # or the next goal may overtake the clock, and begin too early
 
 
 @contextlib.contextmanager
@@ -156,7 +159,7 @@ class TestRandomOrder(unittest.TestCase):
         rospy.init_node("random_order_test")
         cls.clock = SimulatedClock()
         cls.raw = RawClient().wait_connected()
-        cls.clock.lead(cls.raw)
+        cls.clock.turn_until_status_follows(cls.raw)
 
     def test_any_order_of_goals_cancels_and_waits(self):
         for number in range(SEQUENCES):

@@ -20,7 +20,8 @@ import rospy
 import rostest
 
 from actions_tutorial import robust
-from harness import ABORTED, ACTIVE, NAMES, PENDING, PREEMPTED, RECALLED, SUCCEEDED, run
+from processes import run
+from states import ABORTED, ACTIVE, NAMES, PENDING, PREEMPTED, RECALLED, SUCCEEDED
 from scripted import ScriptedCase, script
 
 LOST = GoalStatus.LOST

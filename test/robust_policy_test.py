@@ -12,7 +12,9 @@ import rostest
 
 from actions_tutorial import robust
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
-from harness import ABORTED, ACTIVE, PACKAGE, SUCCEEDED, RawClient, run
+from processes import PACKAGE, run
+from raw_client import RawClient
+from states import ABORTED, ACTIVE, SUCCEEDED
 from scripted import Programs, ScriptedCase, script
 
 

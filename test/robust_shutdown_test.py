@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What robust does with goals when a program is told to end: servers end them, clients may cancel theirs.
 
-The servers are programs/shutdown_server.py, whose docstring says what each number of minutes does.
+The servers are programs/shutdown_server.py; ways_to_stop.py says what their goals do.
 """
 import contextlib
 import signal
@@ -16,8 +16,14 @@ import rospy
 import rostest
 
 from actions_tutorial import robust
-from harness import ABORTED, ACTIVE, PREEMPTED, PREEMPTING, RECALLED, SUCCEEDED, RawClient, bowls, run
+from printed import bowls
+from processes import run
+from raw_client import RawClient
+from states import ABORTED, ACTIVE, PREEMPTED, PREEMPTING, RECALLED, SUCCEEDED
 from scripted import Programs, ScriptedCase
+from ways_to_stop import (
+    BY_PREEMPT_CALLBACK, CALLBACK_BLOCKS, KEEPS_THE_LOCK, OF_ITS_OWN_ACCORD, ONLY_ON_SHUTDOWN, OWN_TEXT, POLLS,
+    RAISES, RESULT_OF_20_MB, STOPS_ITS_SERVER, TEN_MORE_PERIODS, WORKS_ON)
 
 SHUTTING_DOWN = "the server is shutting down"
 
@@ -97,14 +103,14 @@ class TestServer(unittest.TestCase):
     def test_is_preempt_requested_on_shutdown(self):
         self.start()
         client = self.connect()
-        goal = self.send_active(client, 300)
+        goal = self.send_active(client, POLLS)
         self.interrupt()
         self.expect(client, goal, ABORTED, SHUTTING_DOWN)
 
     def test_goal_that_a_client_had_cancelled_is_preempted(self):
         self.start()
         client = self.connect()
-        goal = self.send_active(client, 400)
+        goal = self.send_active(client, ONLY_ON_SHUTDOWN)
         client.cancel(goal)
         client.wait(lambda: PREEMPTING in client.states[goal], "a goal that should stop")
         self.interrupt()
@@ -113,14 +119,14 @@ class TestServer(unittest.TestCase):
     def test_own_text_is_appended(self):
         self.start()
         client = self.connect()
-        goal = self.send_active(client, 200)
+        goal = self.send_active(client, OWN_TEXT)
         self.interrupt()
         self.expect(client, goal, ABORTED, SHUTTING_DOWN + ": rinsed")
 
     def test_execute_cb_that_raises_on_shutdown_is_logged(self):
         self.start()
         client = self.connect()
-        goal = self.send_active(client, 600)
+        goal = self.send_active(client, RAISES)
         self.interrupt()
         self.expect(client, goal, ABORTED, SHUTTING_DOWN)
         self.program.wait()
@@ -128,14 +134,12 @@ class TestServer(unittest.TestCase):
 
     def test_thread_of_execute_cb_ends_and_can_be_joined(self):
         output = run(sys.executable, "-c", """if True:
-            import contextlib
             from actions_tutorial import msg, robust
             import rospy
             rospy.init_node("joins")
             server = robust.SimpleActionServer("joins", msg.WashTheDishesAction, print, auto_start=False)
             server.start()
-            with contextlib.suppress(AttributeError):  # of Debian 11's rospy, see harness.py
-                rospy.signal_shutdown("done")
+            rospy.signal_shutdown("done")
             server.execute_thread.join()
             print("joined")""", timeout=30)
         self.assertIn("joined", output)
@@ -143,7 +147,7 @@ class TestServer(unittest.TestCase):
     def test_loop_that_goes_on_keeps_its_pace(self):
         self.start()
         client = self.connect("second")
-        goal = self.send_active(client, 700)
+        goal = self.send_active(client, TEN_MORE_PERIODS)
         begun = time.monotonic()
         self.interrupt()
         self.expect(client, goal, ABORTED, SHUTTING_DOWN)
@@ -162,7 +166,7 @@ class TestServer(unittest.TestCase):
     def test_goal_that_does_not_stop_is_aborted_after_the_timeout(self):
         self.start()
         client = self.connect()
-        goal = self.send_active(client, 100)
+        goal = self.send_active(client, WORKS_ON)
         begun = time.monotonic()
         self.interrupt()
         self.expect(client, goal, ABORTED, SHUTTING_DOWN)
@@ -172,7 +176,7 @@ class TestServer(unittest.TestCase):
     def test_goal_that_keeps_the_servers_lock_is_aborted(self):
         self.start()
         client = self.connect()
-        goal = self.send_active(client, 900)
+        goal = self.send_active(client, KEEPS_THE_LOCK)
         self.interrupt()
         client.wait(lambda: client.results.get(goal), "a result")
         self.assertEqual(ABORTED, client.results[goal][0].status.status)
@@ -181,7 +185,7 @@ class TestServer(unittest.TestCase):
     def test_server_that_was_stopped_during_a_goal_raises_nothing(self):
         self.start()
         client = self.connect()
-        client.send(800)
+        client.send(STOPS_ITS_SERVER)
         self.program.expect("stopped")
         self.interrupt()
         self.program.wait(10)
@@ -190,7 +194,7 @@ class TestServer(unittest.TestCase):
     def test_goals_are_aborted_where_no_thread_can_be_started(self):
         self.start("no_threads")
         client = self.connect()
-        first = self.send_active(client, 100)
+        first = self.send_active(client, WORKS_ON)
         waiting = client.send(1)
         client.wait(lambda: waiting in client.states, "a goal that waits")
         self.interrupt()
@@ -212,7 +216,7 @@ class TestServer(unittest.TestCase):
     def test_result_of_20_mb_arrives(self):
         self.start()
         client = self.connect("second")
-        goal = self.send_active(client, 1000)
+        goal = self.send_active(client, RESULT_OF_20_MB)
         self.interrupt()
         client.wait(lambda: client.results.get(goal), "a result", timeout=10)
         self.assertEqual(300000, len(client.results[goal][0].result.dishes_washed))
@@ -220,7 +224,7 @@ class TestServer(unittest.TestCase):
     def test_waiting_goal_is_recalled_at_once(self):
         self.start()
         client = self.connect("second")
-        first = self.send_active(client, 100)
+        first = self.send_active(client, WORKS_ON)
         waiting = client.send(1)
         client.wait(lambda: waiting in client.states, "a goal that waits")
         self.interrupt()
@@ -231,7 +235,7 @@ class TestServer(unittest.TestCase):
     def test_goal_that_comes_after_the_timeout_is_recalled_at_once(self):
         self.start("5")
         client = self.connect()
-        goal = self.send_active(client, 100)
+        goal = self.send_active(client, WORKS_ON)
         self.interrupt()
         self.expect(client, goal, ABORTED, SHUTTING_DOWN)
         self.expect(client, client.send(1), RECALLED, SHUTTING_DOWN)
@@ -240,7 +244,7 @@ class TestServer(unittest.TestCase):
     def test_two_servers_end_their_goals_at_once(self):
         self.start()
         client, other = self.connect(), self.connect("second")
-        goals = self.send_active(client, 100), self.send_active(other, 100)
+        goals = self.send_active(client, WORKS_ON), self.send_active(other, WORKS_ON)
         begun = time.monotonic()
         self.interrupt()
         self.expect(client, goals[0], ABORTED, SHUTTING_DOWN)
@@ -257,7 +261,7 @@ class TestServer(unittest.TestCase):
     def test_preempt_callback_is_called(self):
         self.start()
         client = self.connect("callbacks")
-        goal = self.send_active(client, 500)
+        goal = self.send_active(client, BY_PREEMPT_CALLBACK)
         begun = time.monotonic()
         self.interrupt()
         self.expect(client, goal, ABORTED, SHUTTING_DOWN)
@@ -266,7 +270,7 @@ class TestServer(unittest.TestCase):
     def test_preempt_callback_without_a_goal_is_not_called(self):
         self.start()
         client = self.connect("callbacks")
-        goal = self.send_active(client, 1200)
+        goal = self.send_active(client, OF_ITS_OWN_ACCORD)
         self.expect(client, goal, PREEMPTED, "preempted by the server")
         self.interrupt()
         self.program.wait()
@@ -275,7 +279,7 @@ class TestServer(unittest.TestCase):
     def test_preempt_callback_that_blocks_delays_no_outcome(self):
         self.start()
         client = self.connect("callbacks")
-        goal = self.send_active(client, 1100)
+        goal = self.send_active(client, CALLBACK_BLOCKS)
         self.interrupt()
         client.wait(lambda: client.results.get(goal), "a result", timeout=10)
         self.assertEqual(ABORTED, client.results[goal][0].status.status)

@@ -9,7 +9,7 @@ from rosgraph_msgs.msg import Log
 import rospy
 from std_msgs.msg import String
 
-from harness import Group, eventually
+from processes import Group, eventually
 
 PROGRAMS = os.path.join(os.path.dirname(os.path.realpath(__file__)), "programs")
 

@@ -11,7 +11,11 @@ from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
 import rospy
 import rostest
 
-from harness import PREEMPTED, PREEMPTING, SUCCEEDED, RawClient, SimulatedClock, bowls, eventually, run, wait_connected
+from printed import bowls
+from processes import eventually, run
+from raw_client import RawClient, wait_connected
+from simulated_clock import SimulatedClock
+from states import PREEMPTED, PREEMPTING, SUCCEEDED
 
 PAUSE = 1.5  # s, real time, for what must not happen on a paused clock
 
@@ -27,7 +31,7 @@ class ServerTests:
             rospy.init_node("simulated_time_test")
             ServerTests.clock = SimulatedClock()
         cls.raw = RawClient(cls.namespace).wait_connected()
-        cls.clock.lead(cls.raw)
+        cls.clock.turn_until_status_follows(cls.raw)
 
     def wash(self, minutes, until):
         """Send a goal and turn the clock on until a number of bowls (int) is washed. Returns its id."""
@@ -106,7 +110,7 @@ class TestRobustActionServer(ServerTests, unittest.TestCase):
     def test_goal_goes_on_when_the_clock_is_set_back(self):
         goal_id = self.wash(60, until=2)
         self.clock.turn(-500)
-        self.clock.lead(self.raw)
+        self.clock.turn_until_status_follows(self.raw)
         self.clock.turn(1, self.raw)
         self.raw.wait_bowls(goal_id, 3)
         self.raw.cancel(goal_id)
@@ -114,7 +118,7 @@ class TestRobustActionServer(ServerTests, unittest.TestCase):
 
     def test_next_goal_is_served_after_the_clock_was_set_back(self):
         self.clock.turn(-100)
-        self.clock.lead(self.raw)
+        self.clock.turn_until_status_follows(self.raw)
         goal_id = self.wash(2, until=2)
         self.clock.turn(1)
         self.raw.check_outcome(goal_id, SUCCEEDED, bowls(2))

@@ -4,7 +4,6 @@
 NAME is that of a function. What it prints after "ready" is its finding. ACTIONLIB=plain in the environment tries
 actionlib instead of robust. The test starts those with a clock in simulated time.
 """
-import contextlib
 import os
 import sys
 import threading
@@ -16,7 +15,9 @@ from actions_tutorial import robust
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
 import rospy
 
-from harness import NAMES, PENDING, SimulatedClock, eventually
+from processes import eventually
+from simulated_clock import SimulatedClock
+from states import NAMES, PENDING
 
 library = actionlib if os.environ.get("ACTIONLIB") == "plain" else robust
 
@@ -144,5 +145,4 @@ if __name__ == "__main__":
     print("ready", flush=True)
     program()
     sys.stdout.flush()
-    with contextlib.suppress(AttributeError):  # of Debian 11's rospy, see harness.py
-        rospy.signal_shutdown("done")  # or the thread of actionlib's server goes on
+    rospy.signal_shutdown("done")  # or the thread of actionlib's server goes on

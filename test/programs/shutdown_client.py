@@ -8,7 +8,6 @@ SCRIPT: what the scripted server does. HOOK: seconds that a function given to ro
 * breaks_another: the same beside ten such clients whose action_client was set to None, too.
 * signals_shutdown: with cancel_on_shutdown, and done_cb calls rospy.signal_shutdown.
 """
-import contextlib
 import os
 import threading
 import time
@@ -17,7 +16,7 @@ from actionlib.msg import TestRequestAction, TestRequestGoal
 from actions_tutorial import robust
 import rospy
 
-from harness import NAMES
+from states import NAMES
 
 
 def main():
@@ -43,9 +42,8 @@ def main():
             another.action_client = None
     client.send_goal(TestRequestGoal(result_text=script), done_cb, active.set)
     active.wait()
-    with contextlib.suppress(AttributeError):  # of Debian 11's rospy, see harness.py
-        print("active", flush=True)
-        client.wait_for_result()
+    print("active", flush=True)
+    client.wait_for_result()
     over = client.wait_for_result()
     print(over, NAMES[client.get_state()], client.get_failure(), flush=True)
 

@@ -6,19 +6,7 @@ HOOK: seconds that a function given to rospy.on_shutdown takes, by default 0; no
 the shutdown on. Prints what happens. stdin ends it: "return" ends the main thread, "signal_shutdown" calls
 rospy.signal_shutdown.
 
-A goal of n minutes stops when asked to, with n bowls. Others:
-* 100: it does not stop for a minute.
-* 200: it stops with a text of its own.
-* 300: it looks once in 10 ms whether it should stop, without a rate.
-* 400: it was asked to stop by a client, and does so only during the shutdown.
-* 500: it stops when the preempt callback is called.
-* 600: it raises when it should stop.
-* 700: it goes on for ten periods of 0.05 s when it should stop.
-* 800: it stops its server, and works on for a minute.
-* 900: it keeps the server's lock for a minute.
-* 1000: it stops when asked to, with a result of 20 MB, which takes a while to send.
-* 1100: it works on, and the preempt callback blocks for a minute.
-* 1200: it stops of its own accord, and the preempt callback prints that it was called.
+What its goals do is in ../ways_to_stop.py.
 """
 import os
 import sys
@@ -32,38 +20,41 @@ if rospy.myargv()[1:] == ["no_threads"]:
 
 from actions_tutorial import robust  # noqa: E402
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesResult  # noqa: E402
+from ways_to_stop import (  # noqa: E402
+    BY_PREEMPT_CALLBACK, CALLBACK_BLOCKS, KEEPS_THE_LOCK, OF_ITS_OWN_ACCORD, ONLY_ON_SHUTDOWN, OWN_TEXT, POLLS, RAISES,
+    RESULT_OF_20_MB, STOPS_ITS_SERVER, TEN_MORE_PERIODS, WORKS_ON)
 
 shutdown, returns, preempted = threading.Event(), threading.Event(), threading.Event()
 
 
 def work(server, minutes):
-    if minutes == 800:
+    if minutes == STOPS_ITS_SERVER:
         server.action_server.stop()
         print("stopped", flush=True)
-    elif minutes == 900:
+    elif minutes == KEEPS_THE_LOCK:
         server.action_server.lock.acquire()
-    elif minutes == 1100:
+    elif minutes == CALLBACK_BLOCKS:
         server.register_preempt_callback(lambda: time.sleep(60))
-    elif minutes == 1200:
+    elif minutes == OF_ITS_OWN_ACCORD:
         server.register_preempt_callback(lambda: os.write(1, b"preempt callback\n"))
-    if minutes in (100, 800, 900, 1100):
+    if minutes in (WORKS_ON, STOPS_ITS_SERVER, KEEPS_THE_LOCK, CALLBACK_BLOCKS):
         time.sleep(60)
-    elif minutes != 1200:
+    elif minutes != OF_ITS_OWN_ACCORD:
         wait_until_asked(server, minutes)
     result = WashTheDishesResult(["bowl-%d" % i for i in range(minutes % 100)])
-    if minutes == 1000:
+    if minutes == RESULT_OF_20_MB:
         result.dishes_washed = ["%060d" % i for i in range(300000)]
-    server.set_preempted(result, "rinsed" if minutes == 200 else "")
+    server.set_preempted(result, "rinsed" if minutes == OWN_TEXT else "")
 
 
 def wait_until_asked(server, minutes):
     """Wait until the goal should stop, in the way that minutes stands for."""
-    if minutes == 300:
+    if minutes == POLLS:
         while not server.is_preempt_requested():
             time.sleep(0.01)
-    elif minutes in (400, 500):
-        (shutdown if minutes == 400 else preempted).wait()
-    elif minutes == 700:
+    elif minutes in (ONLY_ON_SHUTDOWN, BY_PREEMPT_CALLBACK):
+        (shutdown if minutes == ONLY_ON_SHUTDOWN else preempted).wait()
+    elif minutes == TEN_MORE_PERIODS:
         rate = server.rate(20)
         while rate.sleep():
             pass
@@ -71,7 +62,7 @@ def wait_until_asked(server, minutes):
             rate.sleep()
     else:
         server.rate(0.01).sleep()
-        if minutes == 600:
+        if minutes == RAISES:
             raise ValueError("out of soap")
 
 

@@ -9,8 +9,8 @@ else actionlib has, robust has, too. doc/robust.md is the reference.
 Importing this module registers one function with rospy.on_shutdown, and changes nothing else. Import it before the
 program registers its own, so that goals are asked to stop first.
 
-Used of rospy though its documentation does not list it: a function that is given to rospy.on_shutdown during the
-shutdown is still called, after the others, since rospy does not copy its list of them.
+Undocumented behaviour of rospy that is used: a function that is given to rospy.on_shutdown during the shutdown is still
+called, after the others, since rospy does not copy its list of them.
 """
 import time
 import traceback
@@ -19,7 +19,7 @@ import actionlib
 import rospy
 from actionlib import *  # noqa: F401, F403  # what is not replaced below
 
-from . import client, server
+from . import client, common, server
 from .client import SimpleActionClient  # noqa: F401
 from .server import SimpleActionServer  # noqa: F401
 
@@ -36,7 +36,7 @@ def _on_shutdown() -> None:
         try:
             wait = server_or_client and server_or_client._begin_shutdown()
         except Exception:  # the other goals are ended all the same
-            server.log(rospy.logerr, "robust: the shutdown of a goal failed\n%s", traceback.format_exc())
+            common.log(rospy.logerr, "robust: the shutdown of a goal failed\n%s", traceback.format_exc())
             continue
         if wait:
             waits.append(wait)

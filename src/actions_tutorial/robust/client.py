@@ -5,7 +5,7 @@ For each goal there is one object (_Goal). It is made before the goal is sent, s
 earlier goal cannot spoil a later one. It is an actionlib.CommStateMachine, and client.gh is a ClientGoalHandle of it,
 as in actionlib.
 
-Used of actionlib though its documentation does not list it:
+Undocumented members of actionlib that are used:
 * of SimpleActionClient: action_client, gh, simple_state, done_condition, done_cb, active_cb and feedback_cb, since
   programs read and set them.
 * of ActionClient: last_status_msg, pub_goal, pub_cancel, result_sub, feedback_sub, ActionGoal, and manager with its
@@ -24,7 +24,6 @@ watches it, and keeps its client in memory. No lock is held while a callback run
 from __future__ import annotations
 
 import contextlib
-import io
 import itertools
 import math
 import random
@@ -39,7 +38,7 @@ import genpy
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus
 
-from .server import STATE_NAMES, log
+from .common import STATE_NAMES, check_serializable, log
 
 Seconds = Union[genpy.Duration, float]
 
@@ -141,10 +140,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         action_goal, kind = ActionGoal(rospy.Header(stamp=stamp), GoalID(stamp, goal_id), goal), ActionGoal().goal._type
         if getattr(action_goal.goal, "_type", None) != kind:
             raise TypeError("the goal must be of type %s, not %s" % (kind, getattr(goal, "_type", type(goal).__name__)))
-        try:
-            action_goal.serialize(io.BytesIO())  # rospy would leave half of it in front of the next message
-        except Exception as error:
-            raise rospy.ROSSerializationException(str(error)) from error
+        check_serializable(action_goal)
         sent = _Goal(self, self.__changed, action_goal)
         with self.__changed:
             self.done_cb, self.active_cb, self.feedback_cb = done_cb, active_cb, feedback_cb

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """SimpleActionServer: goals start at once, stop at once, and always reach a terminal state with a text.
 
-Used of actionlib though its documentation does not list it:
+Undocumented members of actionlib that are used:
 * of SimpleActionServer: internal_goal_callback, internal_preempt_callback, executeLoop, need_to_terminate,
   preempt_request and __del__, which are overridden; action_server, execute_condition, execute_callback, execute_thread,
   preempt_callback, current_goal, next_goal, new_goal. It offers no other way to start goals without a poll, or to end
@@ -20,7 +20,6 @@ _ActionServer.locked().
 from __future__ import annotations
 
 import contextlib
-import io
 import threading
 import time
 import traceback
@@ -32,12 +31,12 @@ import genpy
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus
 
+from .common import STATE_NAMES, check_serializable, log
 from .rate import Rate, wake
 
 SHUTTING_DOWN = "the server is shutting down"
 _WAITING = GoalStatus.PENDING, GoalStatus.RECALLING
 _RUNNING = GoalStatus.ACTIVE, GoalStatus.PREEMPTING
-STATE_NAMES = {value: name for name, value in vars(GoalStatus).items() if name.isupper()}
 
 servers: weakref.WeakValueDictionary = weakref.WeakValueDictionary()  # all of this process, by id()
 
@@ -59,6 +58,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             raise ValueError("shutdown_timeout is %r, must be a number of seconds, 0 or more" % shutdown_timeout)
         # No execute_cb here: for one, actionlib would start a thread that polls.
         super().__init__(name, ActionSpec, execute_cb=None, auto_start=False)
+        self.next_goal: actionlib.ServerGoalHandle
         self.__shutdown_timeout = shutdown_timeout
         self.__overtaken: Optional[GoalID] = None  # of the last goal that a newer one should replace
         self.__last_rate: Optional[Rate] = None
@@ -302,6 +302,8 @@ class _ActionServer(actionlib.ActionServer):
 
     def __init__(self, name, ActionSpec, goal_cb, cancel_cb):
         super().__init__(name, ActionSpec, goal_cb, cancel_cb, auto_start=False)
+        self.status_timer: Optional[rospy.Timer]
+        self.last_cancel: rospy.Time
         self.name, self.is_shutting_down = name, False
         self.depth, self.lines = 0, []  # of locked(): how often it is entered; [(function, its argument, …)]
 
@@ -350,14 +352,13 @@ class _ActionServer(actionlib.ActionServer):
                 rospy.Duration(1 / self.status_frequency), self.publish_status_async, reset=True)
 
     def publish_result(self, status, result):
-        """Send a terminal state. If the result cannot be sent, the goal is ABORTED with the reason. It is serialized
-        once before, since rospy leaves half a message in front of the next one."""
+        """Send a terminal state. If the result cannot be sent, the goal is ABORTED with the reason."""
         if status.status == GoalStatus.RECALLED and not status.text:  # the cancel came before the goal
             status.text = "cancelled before it was started"
         status.text = _escaped(status.text)
         try:
-            _serialize(self.ActionResult(), status=status, result=result)
-        except Exception as error:
+            check_serializable(self.ActionResult(), status=status, result=result)
+        except rospy.ROSSerializationException as error:
             status.status = GoalStatus.ABORTED
             status.text = _escaped("the result cannot be sent: %s" % error)
             result = self.ActionResultType()
@@ -368,10 +369,7 @@ class _ActionServer(actionlib.ActionServer):
         wake()  # a rate of the goal, in another thread
 
     def publish_feedback(self, status, feedback):
-        try:
-            _serialize(self.ActionFeedback(), status=status, feedback=feedback)
-        except Exception as error:
-            raise rospy.ROSSerializationException(str(error)) from error
+        check_serializable(self.ActionFeedback(), status=status, feedback=feedback)
         super().publish_feedback(status, feedback)
 
     def publish_status(self):
@@ -419,24 +417,11 @@ class _ActionServer(actionlib.ActionServer):
             self.lock.release()
 
 
-def log(write: Callable[..., None], *line: Any) -> None:
-    """Call write(*line), such as rospy.loginfo. What it raises, if stdout is closed say, must not affect a goal."""
-    with contextlib.suppress(Exception):
-        write(*line)
-
-
 def _failure(what, error):
     """Returns a text for the client and one with the traceback for the log."""
     text = "".join(traceback.format_exception_only(type(error), error)).strip()
     lines = "".join(traceback.format_exception(type(error), error, error.__traceback__))
     return "%s failed: %s" % (what, text), ": %s failed\n%s" % (what, lines)
-
-
-def _serialize(message, **fields):
-    """Serialize a message with these fields. rospy leaves half of one that it cannot send in front of the next one."""
-    for name, value in fields.items():
-        setattr(message, name, value)  # the constructor would replace None
-    message.serialize(io.BytesIO())
 
 
 def _escaped(text):
