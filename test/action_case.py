@@ -2,6 +2,7 @@
 import unittest
 
 import actionlib
+from actions_tutorial.msg import WashTheDishesAction
 import psutil
 import rospy
 
@@ -14,7 +15,6 @@ class ActionTest(unittest.TestCase):
 
     @classmethod
     def setUpClass(cls):
-        from actions_tutorial.msg import WashTheDishesAction
         rospy.init_node("test")
         cls.client, cls.raw = actionlib.SimpleActionClient("wash_dishes_as", WashTheDishesAction), RawClient()
         wait_connected(cls.client)

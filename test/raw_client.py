@@ -6,6 +6,7 @@ import uuid
 import xmlrpc.client
 
 from actionlib_msgs.msg import GoalID, GoalStatusArray
+from actions_tutorial import msg
 import rosgraph
 import rospy
 
@@ -50,8 +51,6 @@ class RawClient:
     _numbers = itertools.count()
 
     def __init__(self, namespace="", topics=("goal", "cancel", "feedback", "result", "status")):
-        # Here, since checks/ use this file outside of a workspace.
-        from actions_tutorial import msg
         self.namespace, self.action, self.changed = namespace, namespace + "/wash_dishes_as/", threading.Condition()
         self.feedback, self.results, self.states, self.times, self.active_at_once = {}, {}, {}, {}, 0
         self.status, self._goal = GoalStatusArray(), msg.WashTheDishesActionGoal

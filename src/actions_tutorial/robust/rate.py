@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A rate for the work on a goal: its sleep() ends at once when the goal should stop.
 
-Undocumented members of rospy that are used: rospy.rostime.get_rostime_cond(), a condition that each message of /clock
-notifies, since no other wait on the ROS clock can be ended by another thread; rospy.rostime.is_wallclock(); rospy.Rate's
-last_time and sleep_dur, which sleep() advances as rospy's own does.
+Undocumented members of rospy that are used:
+* rospy.rostime.get_rostime_cond(), a condition that each message of /clock notifies, since no other wait on the ROS
+  clock can be ended by another thread; rospy.rostime.is_wallclock().
+* last_time and sleep_dur of rospy.Rate, which sleep() advances as rospy's own does.
 """
 from __future__ import annotations
 
