@@ -116,6 +116,20 @@ def test_demo_has_the_clients_arguments_and_status(machine, ready, arguments, st
     assert len(machine.processes_in_it()) == 1, str(machine)
 
 
+def test_demo_names_an_address_that_this_computer_does_not_have(machine, ready):
+    fails(machine, "ROS_IP=192.0.2.1; type: unset ROS_HOSTNAME ROS_IP", "demo", ROS_IP="192.0.2.1")
+
+
+def test_nothing_is_built_beneath_tests(machine, ready):
+    tests = machine.start(machine.tutorial, "test", "service")
+    tests.expect("testing")
+    with machine.changed(CMAKE, lambda text: text + "# changed\n"):
+        shell = machine.start(machine.tutorial, "shell", "true")
+        shell.expect("waiting for another ./tutorial")
+        assert tests.wait(300) == 0, str(tests)
+        assert shell.wait(300) == 0 and "building in" in shell.stderr, str(shell)
+
+
 def test_demo_ends_when_its_server_does(machine, ready):
     with machine.changed(CHECKOUT + "/scripts/action_server.py", lambda _: "raise SystemExit('no water')\n"):
         fails(machine, "the server ended")
