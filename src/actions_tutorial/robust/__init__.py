@@ -4,7 +4,7 @@
     from actions_tutorial import robust
 
 robust.SimpleActionServer and robust.SimpleActionClient take the place of actionlib's classes of the same names. What
-else actionlib has, robust has, too. doc/robust.md is the reference.
+else actionlib has, robust has, too. doc/robust.md says what differs from actionlib.
 
 Importing this module registers one function with rospy.on_shutdown, and changes nothing else. Import it before the
 program registers its own, so that goals are asked to stop first.

@@ -104,8 +104,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def rate(self, hz: float) -> Rate:
         """Returns a rate for the work on a goal: a rospy.Rate whose sleep() returns True at the end of the period, and
-        False at once when the goal should stop: for a cancel, a newer goal or a shutdown. A loop that goes on then
-        sleeps its periods, and gets False at the end of each.
+        False at once when the goal should stop: for a cancel, a newer goal or a shutdown. A loop that goes on after
+        False keeps its pace, and gets False at the end of each period.
 
         hz: 1/s, on the ROS clock.
 
