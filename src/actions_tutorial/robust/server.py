@@ -220,6 +220,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             self.__overtaken = older = self.current_goal.get_goal_id()
             older.stamp = min(older.stamp, goal.get_goal_id().stamp)  # actionlib refuses a goal with an earlier stamp
         super().internal_goal_callback(goal)
+        with self.execute_condition:
+            self.execute_condition.notify_all()  # actionlib wakes one thread, which may be one of the program
 
     def internal_preempt_callback(self, goal: actionlib.ServerGoalHandle) -> None:
         """Overrides actionlib's: a cancel has come. A goal that waits is RECALLED, and not started."""
