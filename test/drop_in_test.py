@@ -398,6 +398,21 @@ class TestServer(unittest.TestCase):
         self.assertIs(True, self.server.is_preempt_requested())
         self.free.set()
 
+    def test_execute_condition_may_be_waited_on_by_the_program(self):
+        waits = threading.Event()
+
+        def wait():
+            with self.server.execute_condition:
+                waits.set()
+                self.server.execute_condition.wait(30)
+
+        self.make()
+        self.connect()
+        threading.Thread(target=wait, daemon=True).start()
+        self.assertTrue(waits.wait(30))
+        for _ in range(2):  # a notification for one thread would miss that of execute_cb once
+            self.expect(self.client.send(0), SUCCEEDED)
+
 
 if __name__ == "__main__":
     rostest.rosrun("actions_tutorial", "drop_in", "drop_in_test")

@@ -220,6 +220,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             self.__overtaken = older = self.current_goal.get_goal_id()
             older.stamp = min(older.stamp, goal.get_goal_id().stamp)  # actionlib refuses a goal with an earlier stamp
         super().internal_goal_callback(goal)
+        with self.execute_condition:
+            self.execute_condition.notify_all()  # actionlib wakes one thread, which may be one of the program
 
     def internal_preempt_callback(self, goal: actionlib.ServerGoalHandle) -> None:
         """Overrides actionlib's: a cancel has come. A goal that waits is RECALLED, and not started."""
@@ -241,8 +243,10 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 if self.__is_terminating():
                     return
             goal = self.accept_new_goal()
-            if goal is not None:  # it may have been cancelled in between
+            if goal is not None:
                 self.__execute(goal)
+            else:  # it was cancelled in between, or a subclass does not accept it yet
+                time.sleep(0.01)
 
     def __is_terminating(self):
         return self.need_to_terminate or self.action_server.is_shutting_down
