@@ -478,8 +478,9 @@ class TestRobustClient(ScriptedCase):
 
     def test_late_result_of_a_lost_goal_changes_nothing(self):
         self.connect(heartbeat_timeout=0.5)
-        self.send("ACTIVE silent cancel result:SUCCEEDED feedback")
+        self.send("ACTIVE silent cancel go result:SUCCEEDED feedback")
         self.expect(LOST)
+        self.go()
         self.eventually(lambda: self.feedback, "the last word of the script")
         self.expect(LOST)
         self.assertEqual([(LOST, None)], self.done)
@@ -492,8 +493,9 @@ class TestRobustClient(ScriptedCase):
 
     def test_lost_goal_that_is_listed_again_stays_lost(self):
         self.connect(heartbeat_timeout=1)
-        self.send("silent cancel ACTIVE feedback")
+        self.send("silent cancel go ACTIVE feedback")
         self.expect(LOST)
+        self.go()
         self.eventually(lambda: self.feedback, "the last word of the script")
         self.assertEqual(([(LOST, None)], []), (self.done, self.active))
 
