@@ -74,12 +74,8 @@ def edit(how, path, text):
 
 
 def pattern_of(line):
-    """Returns the regular expression (str) that a line shown stands for. On a busy machine actionlib's client may miss
-    the first feedback (ros/actionlib #206), so that line may be missing."""
-    if line == "…":
-        return r"(?:.*\n)*?"
-    pattern = re.escape(line.rstrip()).replace("…", ".*?") + r"[ \t]*\n"
-    return "(?:%s)?" % pattern if FIRST_FEEDBACK.fullmatch(line) else pattern
+    """Returns the regular expression (str) that a line shown stands for."""
+    return r"(?:.*\n)*?" if line == "…" else re.escape(line.rstrip()).replace("…", ".*?") + r"[ \t]*\n"
 
 
 class Terminal:
@@ -133,7 +129,9 @@ class Terminal:
         before, goes_on = self.may_go_on or self.stopped, step.shown[-1:] == ["…"]
         self.may_go_on = goes_on or self.stopped
         lines = ["…"] * before + step.shown[:len(step.shown) - goes_on]
-        pattern = "".join(map(pattern_of, lines))
+        # On a busy machine actionlib's client may miss the first feedback (ros/actionlib #206).
+        pattern = "".join("(?:%s)?" % pattern_of(line) if FIRST_FEEDBACK.fullmatch(line) and line is not lines[-1]
+                          else pattern_of(line) for line in lines)
         if returns and not self.may_go_on:
             pattern += r"(?=\s*%s)" % PROMPT
 
