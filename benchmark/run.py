@@ -51,8 +51,8 @@ def machine():
 def write(folder, benchmark, timeline):
     """Write doc/benchmark.md with the new table and machine, and the pictures, into folder."""
     import pictures  # not before all is measured: matplotlib takes memory
-    doc = os.path.join(os.path.dirname(os.path.dirname(os.path.realpath(__file__))), "doc")
-    with open(os.path.join(doc, "benchmark.md"), encoding="utf-8") as file:
+    from processes import PACKAGE
+    with open(os.path.join(PACKAGE, "doc", "benchmark.md"), encoding="utf-8") as file:
         page = file.read()
     page = re.sub(r"(^\|.*\n)+", lambda _: table(benchmark), page, 1, re.M)
     page = re.sub(r"^Measured on .*", lambda _: "Measured on %s." % machine(), page, 1, re.M)

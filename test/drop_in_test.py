@@ -22,8 +22,8 @@ from actions_tutorial import robust
 from actions_tutorial.msg import WashTheDishesAction
 from processes import eventually
 from raw_client import RawClient
-from states import ABORTED, ACTIVE, PREEMPTED, SUCCEEDED
 from scripted import ScriptedCase, script
+from states import ABORTED, ACTIVE, PREEMPTED, SUCCEEDED
 
 LIBRARY = actionlib if os.environ.get("ACTIONLIB") == "plain" else robust
 

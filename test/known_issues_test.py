@@ -18,8 +18,8 @@ import rostest
 from actions_tutorial import msg, robust
 from processes import eventually
 from raw_client import RawClient
-from states import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
 from scripted import Programs, ScriptedCase, script
+from states import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
 
 LOST = GoalStatus.LOST
 

@@ -21,8 +21,8 @@ import rostest
 
 from actions_tutorial import robust
 from processes import run
-from states import ABORTED, ACTIVE, NAMES, PENDING, PREEMPTED, RECALLED, SUCCEEDED
 from scripted import ScriptedCase, script
+from states import ABORTED, ACTIVE, NAMES, PENDING, PREEMPTED, RECALLED, SUCCEEDED
 
 LOST = GoalStatus.LOST
 

@@ -14,8 +14,8 @@ from actions_tutorial import robust
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
 from processes import PACKAGE, run
 from raw_client import RawClient
-from states import ABORTED, ACTIVE, SUCCEEDED
 from scripted import Programs, ScriptedCase, script
+from states import ABORTED, ACTIVE, SUCCEEDED
 
 
 class TestRobustPolicy(ScriptedCase):

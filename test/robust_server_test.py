@@ -35,10 +35,11 @@ class TestRobustServer(unittest.TestCase):
         self.name = self.namespace + "/wash_dishes_as"
         self.started = []  # number_of_minutes of each goal that work() was called with
         self.slept = []  # what its sleep() returned
+        self.free = threading.Event()  # for work_until_free()
 
-    def serve(self, execute_cb=None, goal_cb=None, preempt_cb=None):
+    def serve(self, execute_cb=None, goal_cb=None, preempt_cb=None, kind=robust.SimpleActionServer):
         """Start a server, with goal_cb instead of execute_cb if that is given, and connect self.client."""
-        self.server = robust.SimpleActionServer(self.name, WashTheDishesAction, execute_cb, auto_start=False)
+        self.server = kind(self.name, WashTheDishesAction, execute_cb, auto_start=False)
         if goal_cb:
             self.server.register_goal_callback(goal_cb)
         self.server.register_preempt_callback(preempt_cb)
@@ -55,6 +56,12 @@ class TestRobustServer(unittest.TestCase):
             self.server.set_preempted(WashTheDishesResult(bowls(goal.number_of_minutes)))
         else:
             self.server.set_succeeded()
+
+    def work_until_free(self, goal):
+        """An execute_cb that does not stop before self.free is set."""
+        self.started.append(goal.number_of_minutes)
+        self.free.wait(30)
+        self.server.set_preempted()
 
     def accept_and_work(self):
         """A goal callback that leaves the work to a thread."""
@@ -463,20 +470,13 @@ class TestRobustServer(unittest.TestCase):
         self.expect(goal, PREEMPTED, "a newer goal came")
 
     def test_newer_goal_that_was_cancelled_is_still_the_reason(self):
-        free = threading.Event()
-
-        def execute_cb(goal):
-            self.started.append(goal.number_of_minutes)
-            free.wait(30)
-            self.server.set_preempted()
-
-        self.serve(execute_cb)
+        self.serve(self.work_until_free)
         older = self.send_active(1)
         newer = self.client.send(2)
         self.client.wait(lambda: newer in self.client.states, "a goal that waits")
         self.client.cancel(newer)
         self.expect(newer, RECALLED, "cancelled before it was started")
-        free.set()
+        self.free.set()
         self.expect(older, PREEMPTED, "a newer goal came")
 
     def test_cancel_that_comes_before_its_goal_is_the_reason(self):
@@ -486,6 +486,19 @@ class TestRobustServer(unittest.TestCase):
         self.client.send(1, goal_id="early")
         self.expect("early", RECALLED, "cancelled before it was started")
         self.assertEqual([], self.started)
+
+    def test_goal_that_a_subclass_refuses_is_asked_for_with_pauses(self):
+        asked = []
+
+        class Refuses(robust.SimpleActionServer):
+
+            def accept_new_goal(self):
+                asked.append(time.monotonic())
+                return super().accept_new_goal() if len(asked) > 20 else None
+
+        self.serve(self.work, kind=Refuses)
+        self.expect(self.client.send(0), SUCCEEDED)
+        self.assertGreater(asked[20] - asked[0], 0.1)
 
     # Stamps and ids
 
@@ -510,7 +523,7 @@ class TestRobustServer(unittest.TestCase):
         self.expect(goal, PREEMPTED)
         self.expect(self.client.send(0), SUCCEEDED)
 
-    def test_goal_stamped_before_a_cancel_from_the_future_is_recalled(self):
+    def test_goal_stamped_before_a_future_cancel_is_recalled(self):
         self.serve(self.work)
         stamp = rospy.Time.now()
         goal = self.send_active(2)
@@ -532,21 +545,14 @@ class TestRobustServer(unittest.TestCase):
     # A goal that is over while it waits
 
     def test_waiting_goal_is_recalled_for_a_newer_one(self):
-        free = threading.Event()
-
-        def execute_cb(goal):
-            self.started.append(goal.number_of_minutes)
-            free.wait(30)
-            self.server.set_preempted()
-
-        self.serve(execute_cb)
+        self.serve(self.work_until_free)
         older = self.send_active(1)
         waiting = self.client.send(2)
         self.client.wait(lambda: waiting in self.client.states, "a goal that waits")
         self.client.send(3)
         self.expect(waiting, RECALLED, "a newer goal came")
         self.assertNotIn(older, self.client.results, "RECALLED at once")
-        free.set()
+        self.free.set()
 
     def test_stamp_of_a_goal_that_was_recalled_is_forgotten(self):
         self.serve(goal_cb=lambda: self.started.append("came"))

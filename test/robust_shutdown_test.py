@@ -19,8 +19,8 @@ from actions_tutorial import robust
 from printed import bowls
 from processes import run
 from raw_client import RawClient
-from states import ABORTED, ACTIVE, PREEMPTED, PREEMPTING, RECALLED, SUCCEEDED
 from scripted import Programs, ScriptedCase
+from states import ABORTED, ACTIVE, PREEMPTED, PREEMPTING, RECALLED, SUCCEEDED
 from ways_to_stop import (
     BY_PREEMPT_CALLBACK, CALLBACK_BLOCKS, KEEPS_THE_LOCK, OF_ITS_OWN_ACCORD, ONLY_ON_SHUTDOWN, OWN_TEXT, POLLS,
     RAISES, RESULT_OF_20_MB, STOPS_ITS_SERVER, TEN_MORE_PERIODS, WORKS_ON)

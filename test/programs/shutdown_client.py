@@ -43,7 +43,6 @@ def main():
     client.send_goal(TestRequestGoal(result_text=script), done_cb, active.set)
     active.wait()
     print("active", flush=True)
-    client.wait_for_result()
     over = client.wait_for_result()
     print(over, NAMES[client.get_state()], client.get_failure(), flush=True)
 
