@@ -1,6 +1,5 @@
-"""What the pages say, without typing it: links, quotes, README.md's states and pictures, the layout.
-
-The action, the service and the programs that a reader saves in his own actions_tutorial are this repository's files.
+"""What the pages say, without typing it: links, quotes, states, pictures, the layout; and that the action, the service
+and the programs of the lessons end as this repository's files.
 
 A block of code is quoted from the file that is linked last in the line above it, or else from the file of the block
 before it. "The whole file [NAME](PATH):" stands above a block that has all of it; in others … on a line stands for
@@ -18,7 +17,8 @@ import pytest
 from conftest import ROOT
 from processes import run
 
-PAGES = ["README.md"] + sorted("doc/" + name for name in os.listdir(os.path.join(ROOT, "doc")) if name.endswith(".md"))
+PAGES = ["README.md"] + sorted(str(page.relative_to(ROOT)) for page in pathlib.Path(ROOT, "doc").rglob("*.md"))
+LESSONS = [page for page in PAGES if page.startswith("doc/lessons/")]
 EDIT = re.compile("(Save this|Change) .*`~/([^`]*)`:$")  # stands above what a reader saves
 PARSE = """
 const {JSDOM} = require('jsdom');
@@ -39,6 +39,17 @@ def blocks_of(page):
     for match in re.finditer(r"^```(\w*)\n(.*?)^```$", text, re.M | re.S):
         above = text[:match.start()].rstrip().rpartition("\n")[2]
         yield text.count("\n", 0, match.start()) + 1, match.group(1), above, match.group(2)
+
+
+def edited(how, text, change):
+    """Returns what a text (str) becomes when it is saved anew, or changed by a diff with … between two places."""
+    if how == "Save this":
+        return change
+    for place in change.split("…\n"):
+        old, new = ("".join(re.findall("(?m)^[ %s](.*\n)" % sign, place)) for sign in "-+")
+        assert text.count(old) == 1, "this is not there once:\n%s" % old
+        text = text.replace(old, new)
+    return text
 
 
 def anchors_of(page):
@@ -66,11 +77,7 @@ def test_quotes(page):
     """Quoted code is in the file that it comes from, word for word in this order; a diff is the whole difference."""
     sources = []
     for number, language, above, text in blocks_of(page):
-        edit = EDIT.search(above)
-        own = edit and re.fullmatch("catkin_ws/src/actions_tutorial/((action|srv|scripts)/.*)", edit.group(2))
-        if own:
-            assert text == text_of(own.group(1)), "line %d: this is not %s" % (number, own.group(1))
-        if language in ("console", "mermaid") or "**Layout" in above or edit:
+        if language in ("console", "mermaid") or "**Layout" in above or EDIT.search(above):
             continue
         linked = re.findall(r"\]\(([\w/.]+)\)", above)
         sources = [text_of(os.path.join(os.path.dirname(page), file)) for file in linked] or sources
@@ -88,6 +95,17 @@ def test_quotes(page):
             assert re.search("(?ms)^" + pattern, source), "line %d: this is not in its file:\n%s" % (number, text)
 
 
+def test_files_of_the_lessons_are_the_repositorys():
+    files = {}
+    for _, _, above, text in (block for page in LESSONS for block in blocks_of(page)):
+        edit = re.search("(Save this|Change) .*`~/catkin_ws/src/actions_tutorial/((action|srv|scripts)/.*)`:$", above)
+        if edit:
+            files[edit.group(2)] = edited(edit.group(1), files.get(edit.group(2)), text)
+    assert len(files) == 5
+    for file, text in files.items():
+        assert text == text_of(file), file
+
+
 def test_layout():
     """The layout shown is that of the repository's root: names, two spaces, what they are."""
     if not os.path.exists(os.path.join(ROOT, ".git")):
@@ -99,13 +117,13 @@ def test_layout():
 
 
 def test_states():
-    shown = re.findall(r"\b(\d) ([A-Z]+)", re.search(r"numbers in `status`: (.*)", text_of("README.md")).group(1))
+    shown = re.findall(r"(?m)^\| (\d) \| ([A-Z]+) \|", text_of("doc/lessons/5_stop_a_goal.md"))
     real = run(os.path.join(ROOT, "tutorial"), "shell", "rosmsg", "show", "actionlib_msgs/GoalStatus")
     assert sorted(shown) == sorted((number, name) for name, number in re.findall(r"uint8 ([A-Z]+)=(\d)", real))
 
 
 def test_pictures():
-    texts = [text for _, language, _, text in blocks_of("README.md") if language == "mermaid"]
+    texts = [text for page in PAGES for _, language, _, text in blocks_of(page) if language == "mermaid"]
     assert len(texts) >= 2
     if subprocess.run(["sh", "-c", "node -e 'require.resolve(\"jsdom\"); require.resolve(\"mermaid\")'"]).returncode:
         pytest.skip("this needs node, and in NODE_PATH mermaid and jsdom")

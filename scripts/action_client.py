@@ -16,6 +16,8 @@ def feedback_cb(msg):
 
 def call_server(number_of_minutes):
     """Send a goal and wait for its outcome. Returns its result, its state (GoalStatus) and the server's text."""
+    # Step 1: this program becomes a node.
+    rospy.init_node("action_client")
     # Step 2: a client of the action, by its name and type.
     client = actionlib.SimpleActionClient("wash_dishes_as", WashTheDishesAction)
     # Step 3: what is sent before the server is connected would be lost.
@@ -36,8 +38,6 @@ def main():
     parser.add_argument("number_of_minutes", metavar="MINUTES", nargs="?", type=int, default=7,
                         help="how many minutes to wash, one bowl a minute (default: %(default)s)")
     arguments = parser.parse_args(rospy.myargv()[1:])
-    # Step 1: this program becomes a node.
-    rospy.init_node("action_client")
     result, state, text = call_server(arguments.number_of_minutes)
     if rospy.is_shutdown():  # Ctrl-C: the goal goes on
         return 1

@@ -16,6 +16,7 @@ def feedback_cb(msg):
 def call_server(number_of_minutes, server_timeout, heartbeat_timeout):
     """Send a goal and wait until it is over. Returns its result, which may be partial or None, and why it did not
     succeed (str), or None if it did."""
+    rospy.init_node("robust_action_client")
     client = robust.SimpleActionClient(
         "wash_dishes_as", WashTheDishesAction, heartbeat_timeout=heartbeat_timeout or None, cancel_on_shutdown=True)
     if not client.wait_for_server(server_timeout):
@@ -45,7 +46,6 @@ def main():
     parser.add_argument("--heartbeat-timeout", metavar="S", type=seconds, default=5,
                         help="seconds of silence until the server counts as lost; 0: no limit (default: %(default)s)")
     arguments = parser.parse_args(rospy.myargv()[1:])
-    rospy.init_node("robust_action_client")
     result, failure = call_server(
         arguments.number_of_minutes, arguments.server_timeout, arguments.heartbeat_timeout)
     if result is not None:

@@ -24,7 +24,7 @@ from .client import SimpleActionClient  # noqa: F401
 from .server import SimpleActionServer  # noqa: F401
 
 __all__ = [name for name in vars(actionlib) if not name.startswith("_")]
-__version__ = "2.2.0"
+__version__ = "2.3.0"
 
 
 def _on_shutdown() -> None:
