@@ -24,7 +24,7 @@ ROWS = (  # label, figure, factor, and what robust is compared with
 def arguments():
     parser = argparse.ArgumentParser(prog="benchmark", description="Prints the table of doc/benchmark.md.")
     parser.add_argument("--doc", metavar="FOLDER", help="write the page with its pictures")
-    parser.add_argument("--quick", action="store_true", help="a minute, to see that it works: the figures mean nothing")
+    parser.add_argument("--quick", action="store_true", help="takes a minute, as a trial: the figures mean nothing")
     return parser.parse_args()
 
 
@@ -50,7 +50,7 @@ def machine():
 
 def write(folder, benchmark, timeline):
     """Write doc/benchmark.md with the new table and machine, and the pictures, into folder."""
-    import pictures  # not before all is measured: matplotlib takes memory
+    import pictures  # after all measurements: matplotlib takes memory
     from processes import PACKAGE
     with open(os.path.join(PACKAGE, "doc", "benchmark.md"), encoding="utf-8") as file:
         page = file.read()
@@ -69,7 +69,7 @@ def main(args):
     from processes import Master
     import rospy
     begun, plan = time.monotonic(), QUICK if args.quick else FULL
-    gc.disable()  # it takes up to 0.2 s in the midst of a sample
+    gc.disable()  # or it may add up to 0.2 s to a sample
     with Master() as master:
         os.environ.update(master.env)
         master.start("rosrun", "rosout", "rosout", stdout=subprocess.DEVNULL)  # as roscore does

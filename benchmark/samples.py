@@ -1,4 +1,4 @@
-"""What is measured. Times are those of plain publishers and subscribers: an action client would add its own."""
+"""What is measured. Times are measured with plain publishers and subscribers: an action client would add its own."""
 import os
 import random
 import statistics
@@ -99,7 +99,7 @@ class Benchmark:
                 self.add("cpu", kind, 100 * (peer.cpu() - before[kind]) / (time.monotonic() - begun))
 
     def measure_bursts(self):
-        """Empty goals, each sent when the result of the one before is there."""
+        """Empty goals, each sent when the previous result has arrived."""
         for _ in range(self.plan["bursts"]):
             self.quiet()
             for kind, peer in self.turns():

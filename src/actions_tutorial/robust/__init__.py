@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Action servers and clients that behave well for their goals: the calls of actionlib, and a few more.
+"""More reliable action servers and clients: the calls of actionlib, and a few more.
 
     from actions_tutorial import robust
 
-robust.SimpleActionServer and robust.SimpleActionClient take the place of actionlib's classes of the same names. What
-else actionlib has, robust has, too. doc/robust.md says what differs from actionlib.
+robust.SimpleActionServer and robust.SimpleActionClient take the place of actionlib's classes of the same names. The
+rest of actionlib is passed on. doc/robust.md says what differs from actionlib.
 
 Importing this module registers one function with rospy.on_shutdown, and changes nothing else. Import it before the
 program registers its own, so that goals are asked to stop first.
 
-Undocumented behaviour of rospy that is used: a function that is given to rospy.on_shutdown during the shutdown is still
+Undocumented behaviour of rospy that is used: a function registered with rospy.on_shutdown during the shutdown is still
 called, after the others, since rospy does not copy its list of them.
 """
 import time

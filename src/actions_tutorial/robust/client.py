@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """SimpleActionClient: no answer is missed, state, result and callbacks agree, and get_failure() says what failed.
 
-For each goal there is one object (_Goal). It is made before the goal is sent, so no answer comes too early, and an
-earlier goal cannot spoil a later one. It is an actionlib.CommStateMachine, and client.gh is a ClientGoalHandle of it,
+Each goal has its own object (_Goal). It is made before the goal is sent, so no answer comes too early, and an earlier
+goal cannot affect a later one. It is an actionlib.CommStateMachine, and client.gh is a ClientGoalHandle of it,
 as in actionlib.
 
 Undocumented members of actionlib that are used:
@@ -17,9 +17,9 @@ Of rospy: impl of a publisher or subscriber with has_connection, connections and
 a message. actionlib's wait_for_server uses the same, but never ends before the simulated clock has begun.
 Of messages: _type, the type's name.
 
-Threads: answers come in rospy's, one for each topic of a server. They record the answer and call feedback_cb. A daemon
-thread that ends afterwards calls active_cb and done_cb. With heartbeat_timeout or cancel_on_shutdown, one for each goal
-watches it, and keeps its client in memory. No lock is held while a callback runs, or while done_condition is notified.
+Threads: rospy's, one for each topic of a server, record the answers and call feedback_cb. A short-lived daemon thread
+calls active_cb and done_cb. With heartbeat_timeout or cancel_on_shutdown, each goal has a thread that watches it, and
+keeps its client in memory. No lock is held while a callback runs, or while done_condition is notified.
 """
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ from .common import STATE_NAMES, check_serializable, log
 
 Seconds = Union[genpy.Duration, float]
 
-UNLISTED_FOR = 1.0  # s. A goal that the status no longer lists for so long is LOST
+UNLISTED_FOR = 1.0  # s. A goal that the status no longer lists for that long is LOST
 RESULT_WITHIN = 30.0  # s. The same for a goal whose terminal state was seen: its result may be late
-CANCELLED_UNLISTED_FOR = 5.0  # s. The same for a goal that was cancelled, from then on, and that was never listed
+CANCELLED_UNLISTED_FOR = 5.0  # s. The same, from the cancel, for a cancelled goal that was never listed
 CANCELLED_WITHIN = 2.0  # s from the cancel on shutdown to the outcome
 SETTLED_AFTER = 0.2  # s for a new connection: rospy counts it a moment before messages pass
 _ACCEPTED = {GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.PREEMPTED, GoalStatus.SUCCEEDED, GoalStatus.ABORTED}
@@ -61,9 +61,9 @@ class SimpleActionClient(actionlib.SimpleActionClient):
 
     ns: the name of the action.
     ActionSpec: its type, such as WashTheDishesAction.
-    heartbeat_timeout: s. A goal without status or feedback for so long is LOST, and a cancel is sent in case the server
-        still works. Only time that passes both on the ROS clock and in reality counts. None: no limit.
-    cancel_on_shutdown: whether the goal is cancelled when this node is shut down. The outcome is awaited for 2 s.
+    heartbeat_timeout: s. A goal without status or feedback for that long is LOST, and a cancel is sent in case the
+        server still works. Only time that passes both on the ROS clock and in reality counts. None: no limit.
+    cancel_on_shutdown: whether to cancel the goal when this node is shut down, and wait up to 2 s for its outcome.
     Raises ValueError for a heartbeat_timeout that is not above 0.
     """
 
@@ -84,7 +84,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     def wait_for_server(self, timeout: Seconds = rospy.Duration()) -> bool:
         """Wait until the server is connected. Every 5 s a warning names the server that it waits for.
 
-        timeout: rospy.Duration or s, in real time, also where time is simulated; 0: no limit.
+        timeout: rospy.Duration or s, in real time even with a simulated clock; 0: no limit.
         Returns whether it is connected: False after timeout and on shutdown. After a new connection it waits 0.2 s
         more, or the first feedback might be lost. Raises rospy.ROSInitException before rospy.init_node.
         """
@@ -109,8 +109,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         return False
 
     def __connection(self):
-        """Returns the header of the connection on which the last status came, another one after a restart of the
-        server; None unless that server has the other four topics, too."""
+        """Returns the header of the connection on which the last status came, a new one after a restart of the
+        server. None unless that server's other four topics are connected, too."""
         client = self.action_client
         if not client.last_status_msg:
             return None
@@ -124,16 +124,16 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     def send_goal(self, goal: Optional[genpy.Message], done_cb: Optional[Callable[[int, Any], Any]] = None,
                   active_cb: Optional[Callable[[], Any]] = None,
                   feedback_cb: Optional[Callable[[Any], Any]] = None) -> None:
-        """Send a goal, once. A goal before it goes on at the server, and its callbacks are not called any more.
+        """Send a goal, once. An earlier goal continues on the server, but its callbacks are no longer called.
 
         goal: a message such as WashTheDishesGoal, None for an empty one. It may be changed and used again afterwards.
         done_cb: called with the terminal state (GoalStatus) and the result. It may send the next goal and wait for it.
         active_cb: called when the server has accepted the goal.
         feedback_cb: called with each feedback.
-        These three are attributes of the client, too, which are read when a call is due.
+        All three are also attributes of the client, read when a callback is due.
         Raises TypeError for a message of another type, rospy.ROSSerializationException for one that cannot be sent.
         """
-        # The random digits are for two nodes of one name that send in one moment of simulated time.
+        # The random digits are for two nodes with the same name that send at the same simulated time.
         stamp, digits = rospy.Time.now(), random.SystemRandom().randrange(10**12)
         goal_id = "%s-%d-%.3f0%012d" % (rospy.get_name(), next(_goal_numbers), stamp.to_sec(), digits)
         ActionGoal = self.action_client.ActionGoal
@@ -344,7 +344,7 @@ class _Goal(actionlib.CommStateMachine):
         self.start_callbacks()
 
     def start_callbacks(self):
-        """Have active_cb and done_cb called as far as they are due, in a thread: done_cb may wait for the next goal."""
+        """Call active_cb and done_cb if they are due, in a thread: done_cb may wait for the next goal."""
         with self.changed:
             if self.is_calling or not self.is_callback_due():
                 return
@@ -359,7 +359,7 @@ class _Goal(actionlib.CommStateMachine):
         return self.was_accepted and not self.active_called or self.outcome is not None and not self.done_called
 
     def run_callbacks(self):
-        """Call active_cb, then done_cb, as far as they are due, unless another goal was sent meanwhile."""
+        """Call active_cb, then done_cb, if they are due and no other goal was sent meanwhile."""
         client, is_current = self.client, False
         while True:
             with self.changed:
@@ -388,15 +388,15 @@ class _Goal(actionlib.CommStateMachine):
 
 
 def _watch(goal, heartbeat):
-    """Keep a goal (_Goal) and its client in memory until the goal is over, replaced or no longer tracked. After silence
-    of heartbeat (s) about it, cancel it, and it is LOST."""
+    """Keep a goal (_Goal) and its client in memory until the goal is over, replaced or no longer tracked. After
+    heartbeat (s) without status or feedback, cancel it and make it LOST."""
     tick = min(0.5, heartbeat / 4)
     real, ros = time.monotonic(), rospy.get_time()
     while goal.outcome is None and goal.is_current():
         with goal.changed:
             goal.changed.wait(tick)
             real_before, ros_before, real, ros = real, ros, time.monotonic(), rospy.get_time()
-            if real - real_before < 2 * tick:  # else this process or computer stood still meanwhile
+            if real - real_before < 2 * tick:  # else this process or computer was suspended
                 goal.silence += max(0.0, min(real - real_before, ros - ros_before))
             silence = goal.silence
         if silence >= heartbeat:

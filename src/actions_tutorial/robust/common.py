@@ -14,14 +14,14 @@ STATE_NAMES = {value: name for name, value in vars(GoalStatus).items() if name.i
 
 
 def log(write: Callable[..., None], *line: Any) -> None:
-    """Call write(*line), such as rospy.loginfo. What it raises, if stdout is closed say, must not affect a goal."""
+    """Call write(*line), such as rospy.loginfo. What it raises, as with a closed stdout, must not affect a goal."""
     with contextlib.suppress(Exception):
         write(*line)
 
 
 def check_serializable(message: genpy.Message, **fields: Any) -> None:
-    """Set these fields of a message, and serialize it once: rospy leaves half of one that it cannot send in front of
-    the next one. Raises rospy.ROSSerializationException if it cannot be sent."""
+    """Set these fields of a message, and serialize it as a trial: rospy sends half of a message that it cannot
+    serialize in front of the next one. Raises rospy.ROSSerializationException if it cannot be sent."""
     for name, value in fields.items():
         setattr(message, name, value)  # the constructor would replace None
     try:

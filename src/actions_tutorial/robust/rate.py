@@ -20,8 +20,8 @@ class Rate(rospy.Rate):
 
     hz: 1/s, on the ROS clock.
     request: called when sleep() begins and after each wake(), with no lock held. Returns None, or an object that
-        stands for the request to stop: the same one for as long as it is the same request.
-    before: the rate made before this one, for a loop that makes one in each turn. What it has answered is answered.
+        identifies the request to stop, the same one for the same request.
+    before: the previous rate, for a loop that makes one in each turn. A request that it has answered stays answered.
     """
 
     def __init__(self, hz: float, request: Callable[[], Any], before: Optional[Rate]) -> None:
@@ -35,7 +35,7 @@ class Rate(rospy.Rate):
         period begins.
 
         Returns True at the end of the period, False when the goal should stop: at once the first time for a request,
-        then at the end of each period, so that a loop that goes on, to slow down say, keeps its pace. Raises
+        then at the end of each period, so that a loop that goes on keeps its pace. Raises
         rospy.ROSInterruptException if the node was shut down and time is simulated, as rospy.Rate does.
         """
         clock = rospy.rostime.get_rostime_cond()
@@ -62,14 +62,14 @@ class Rate(rospy.Rate):
                         clock.wait(left.to_sec())
                     elif request is None:
                         clock.wait()
-                    else:  # after a shutdown no clock comes any more
+                    else:  # no /clock arrives after a shutdown
                         if rospy.is_shutdown():
                             raise rospy.ROSInterruptException("ROS shutdown request")
                         clock.wait(0.5)
 
 
 def wake() -> None:
-    """Let each Rate that sleeps ask again whether to stop."""
+    """Make each sleeping Rate check again whether to stop."""
     global _wakes
     clock = rospy.rostime.get_rostime_cond()
     with clock:

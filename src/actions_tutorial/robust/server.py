@@ -4,7 +4,7 @@
 Undocumented members of actionlib that are used:
 * of SimpleActionServer: internal_goal_callback, internal_preempt_callback, executeLoop, need_to_terminate,
   preempt_request and __del__, which are overridden; action_server, execute_condition, execute_callback, execute_thread,
-  preempt_callback, current_goal, next_goal, new_goal. It offers no other way to start goals without a poll, or to end
+  preempt_callback, current_goal, next_goal, new_goal. There is no other way to start goals without polling, or to end
   one that waits.
 * of ActionServer: initialize, publish_result, publish_feedback, internal_goal_callback and internal_cancel_callback,
   which are overridden; publish_status_async, lock, started, status_list, status_timer, status_frequency,
@@ -48,7 +48,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     ActionSpec: its type, such as WashTheDishesAction.
     execute_cb: called with each goal, one at a time, in a daemon thread. None for servers with goal callbacks.
     auto_start: whether to call start(). False is better: execute_cb may be called before the constructor returns.
-    shutdown_timeout: s for which a goal may go on after the shutdown of the node began; then it is ABORTED.
+    shutdown_timeout: s that a goal may go on after the node's shutdown has begun; then it is ABORTED.
     Raises ValueError for a shutdown_timeout below 0, or not finite.
     """
 
@@ -56,7 +56,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                  auto_start: bool = True, *, shutdown_timeout: float = 1.0) -> None:
         if not 0 <= shutdown_timeout <= threading.TIMEOUT_MAX:
             raise ValueError("shutdown_timeout is %r, must be a number of seconds, 0 or more" % shutdown_timeout)
-        # No execute_cb here: for one, actionlib would start a thread that polls.
+        # No execute_cb here, or actionlib would start a thread that polls.
         super().__init__(name, ActionSpec, execute_cb=None, auto_start=False)
         self.next_goal: actionlib.ServerGoalHandle
         self.__shutdown_timeout = shutdown_timeout
@@ -74,7 +74,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def __del__(self) -> None:
         """End the thread of execute_cb, as actionlib's does. Returns when the goal that runs is over."""
-        thread = getattr(self, "execute_thread", None)  # None after a constructor that failed, too
+        thread = getattr(self, "execute_thread", None)  # None also if the constructor failed
         if thread:
             self.need_to_terminate = True
             if thread.ident not in (None, threading.get_ident()):
@@ -94,7 +94,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     @property
     def preempt_request(self) -> bool:
-        """Whether the goal should stop, but for a shutdown: a program may set it to ask its own goal to stop."""
+        """Whether the goal should stop, except for a shutdown: a program may set it to ask its own goal to stop."""
         return self.__preempt_request
 
     @preempt_request.setter
@@ -109,8 +109,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
         hz: 1/s, on the ROS clock.
 
-        A rate belongs to the goal that runs when it is made: once that goal is over, sleep() returns False, too. Return
-        without set_preempted or the others then, since they would end a newer goal.
+        A rate belongs to the goal that runs when it is made: once that goal is over, sleep() returns False, too. Then
+        return without set_preempted or the like, which would end a newer goal.
         """
         own = self.__running_goal()
 
@@ -182,12 +182,12 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         return "a newer goal came" if status.goal_id is self.__overtaken else "preempted by the server"
 
     def register_goal_callback(self, cb: Optional[Callable[[], Any]]) -> None:
-        """Have cb() called when a goal has come, instead of an execute_cb. If it raises, the goal is ABORTED if it was
+        """Call cb() when a goal has come, instead of an execute_cb. If it raises, the goal is ABORTED if it was
         accepted, else RECALLED, and the traceback is logged."""
         super().register_goal_callback(cb and (lambda: self.__call_goal_callback(cb)))
 
     def register_preempt_callback(self, cb: Optional[Callable[[], Any]]) -> None:
-        """Have cb() called when the goal should stop: for a cancel, a newer goal and, unlike in actionlib, a shutdown.
+        """Call cb() when the goal should stop: for a cancel, a newer goal and, unlike in actionlib, a shutdown.
         If it raises, the traceback is logged."""
         super().register_preempt_callback(cb and (lambda: self.__call_preempt_callback(cb)))
 
@@ -210,7 +210,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             self.action_server.log(rospy.logerr, _failure("the preempt callback", error)[1])
 
     def internal_goal_callback(self, goal: actionlib.ServerGoalHandle) -> None:
-        """Overrides actionlib's: a goal has come. The last one wins, whatever its stamp."""
+        """Overrides actionlib's: a goal has come. The last one wins, regardless of its stamp."""
         if self.action_server.is_shutting_down:
             goal.set_canceled(None, SHUTTING_DOWN)
             return
@@ -294,7 +294,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         self.__finish(deadline)
 
     def __finish(self, deadline):
-        """Wait until all goals have a terminal state. Those that have none at deadline (time.monotonic()) get one."""
+        """Wait until all goals have a terminal state. At deadline (time.monotonic()) set it for the others."""
         while not self.action_server.is_idle():
             if time.monotonic() >= deadline:
                 return self.action_server.abort_unfinished()
@@ -314,7 +314,7 @@ class _ActionServer(actionlib.ActionServer):
     @contextlib.contextmanager
     def locked(self):
         """Hold the lock. What is logged meanwhile is written after it is released. On shutdown, when the topics may be
-        closed, no rospy.ROSException comes out."""
+        closed, rospy.ROSException is suppressed."""
         lines = []
         try:
             with self.lock:
@@ -333,9 +333,9 @@ class _ActionServer(actionlib.ActionServer):
                 log(*line)
 
     def log(self, write, line):
-        """Have write, such as rospy.loginfo, called with the action's name and line. On shutdown only errors are
-        logged: a node that was shut down since another one took its name must not log, or the master would shut that
-        one down, too."""
+        """Log the action's name and line with write, such as rospy.loginfo. On shutdown only errors are logged: if a
+        node was shut down because another one took its name, a log line would make the master shut down that one,
+        too."""
         if write is rospy.logerr or not self.is_shutting_down:
             with self.locked():
                 self.lines.append((write, "%s%s", self.name, line))
