@@ -78,11 +78,11 @@ def pattern_of(line):
 
 class Terminal:
     """A real terminal with a shell in it. everyone: all terminals (dict); they are read together, so that none blocks
-    because its output is not read."""
+    because its output is not read. folder: where it begins."""
 
-    def __init__(self, everyone, environment):
+    def __init__(self, everyone, environment, folder):
         # Dumb and wide: readline then shows a command on one line, whatever its length.
-        self.shell = pexpect.spawn("/bin/bash", cwd=ROOT, env=environment, dimensions=(50, 1000), encoding="utf-8",
+        self.shell = pexpect.spawn("/bin/bash", cwd=folder, env=environment, dimensions=(50, 1000), encoding="utf-8",
                                    codec_errors="replace")
         self.all, self.text = everyone, ""  # text: what came and was not looked at yet
         self.may_go_on, self.stopped = False, False  # stopped: ^C was typed, and no command since
@@ -200,7 +200,8 @@ def make_home(home, port):
 
 @pytest.fixture
 def home(tmp_path):
-    """A home of its own with a master's port. -> its folder (pathlib.Path), the environment of a terminal"""
+    """A home of its own, with this repository as dishes. -> its folder (pathlib.Path), the environment of a terminal"""
+    (tmp_path / "dishes").symlink_to(ROOT)
     with bound_socket() as bound:
         yield tmp_path, make_home(str(tmp_path), bound.getsockname()[1])
     shutil.rmtree(str(tmp_path))
@@ -208,7 +209,7 @@ def home(tmp_path):
 
 @pytest.mark.parametrize("page", [page for page in PAGES if page not in LESSONS + ["doc/ros2.md"]])
 def test_typed_page(page, home):
-    walk(steps_of(page), *home)
+    walk(steps_of(page), *home, folder=ROOT)
 
 
 def test_typed_lessons_with_a_break_after_each(home):
@@ -220,8 +221,8 @@ def test_typed_lessons_straight_on(home):
     walk([step for lesson in LESSONS for step in steps_of(lesson, ["<!-- after a break -->"])], *home)
 
 
-def walk(steps, home, environment):
-    """Do the steps of a reader, in new terminals. home: pathlib.Path"""
+def walk(steps, home, environment, folder=None):
+    """Do the steps of a reader, in new terminals that begin in a folder, by default home (pathlib.Path)."""
     terminals = {}
     with contextlib.ExitStack() as stack:
         for number, step in enumerate(steps, 1):
@@ -230,7 +231,7 @@ def walk(steps, home, environment):
                 edit(how, home / file, text)
                 continue
             if step.terminal not in terminals:
-                terminals[step.terminal] = Terminal(terminals, environment)
+                terminals[step.terminal] = Terminal(terminals, environment, folder or home)
                 stack.callback(terminals[step.terminal].close)
             later = (other.typed for other in steps[number:] if getattr(other, "terminal", None) == step.terminal)
             terminals[step.terminal].walk(step, next(later, "").startswith("$ "))
