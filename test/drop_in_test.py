@@ -5,6 +5,9 @@ ACTIONLIB=plain in the environment tries actionlib. drop_in.test runs both.
 """
 import gc
 import os
+import signal
+import subprocess
+import sys
 import threading
 import time
 import unittest
@@ -20,9 +23,9 @@ import rostest
 
 from actions_tutorial import robust
 from actions_tutorial.msg import WashTheDishesAction
-from processes import eventually
+from processes import Master, eventually
 from raw_client import RawClient
-from scripted import ScriptedCase, script
+from scripted import PROGRAMS, ScriptedCase, script
 from states import ABORTED, ACTIVE, PREEMPTED, SUCCEEDED
 
 LIBRARY = actionlib if os.environ.get("ACTIONLIB") == "plain" else robust
@@ -397,6 +400,48 @@ class TestServer(unittest.TestCase):
         self.server.preempt_request = True
         self.assertIs(True, self.server.is_preempt_requested())
         self.free.set()
+
+    def test_private_names_of_a_subclass_with_the_same_name_are_its_own(self):
+        class SimpleActionServer(LIBRARY.SimpleActionServer):
+
+            def __execute(self, goal):
+                self.set_succeeded()
+
+            __running_goal = __call_goal_callback = __is_terminating = __execute
+
+            def execute(self, goal):
+                self.__execute(goal)
+
+        self.make(SimpleActionServer, lambda goal: self.server.execute(goal))
+        self.connect()
+        for _ in range(2):
+            self.expect(self.client.send(0), SUCCEEDED)
+
+    def test_server_with_an_action_server_of_its_own_serves_goals(self):
+        class Subclass(LIBRARY.SimpleActionServer):
+
+            def __init__(self, name, *args):
+                super().__init__(name, *args)
+                self.action_server = actionlib.ActionServer(
+                    name, WashTheDishesAction, self.internal_goal_callback, self.internal_preempt_callback, False)
+
+        self.make(Subclass)
+        self.connect()
+        older = self.send_started(1)
+        newer = self.client.send(0)
+        self.client.wait(lambda: self.server.is_preempt_requested(), "a newer goal")
+        self.free.set()
+        self.expect(older, SUCCEEDED)
+        self.expect(newer, SUCCEEDED)
+
+    def test_next_goal_starts_though_the_master_hangs(self):
+        self.make()
+        with Master() as master:
+            program = master.start(sys.executable, os.path.join(PROGRAMS, "next_goal.py"), stdin=subprocess.PIPE)
+            program.expect("executes 1")
+            master.processes[0].signal(signal.SIGSTOP)
+            program.type("\n")
+            program.expect("executes 2", timeout=10)
 
     def test_execute_condition_may_be_waited_on_by_the_program(self):
         waits = threading.Event()

@@ -224,23 +224,17 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         text = goal.latest_goal_status.text or "the server gave no reason"
         return "goal %s: %s" % (STATE_NAMES.get(outcome, outcome), " ".join(text.split()))
 
-    def _begin_shutdown(self) -> Optional[Callable[[], None]]:
-        """For the library: cancel the goal if that was asked for. Returns a function that waits for the outcome."""
+    def _robust_begin_shutdown(self):
         goal = self.__goal
         if not self.__cancel_on_shutdown or not goal or goal.latest_result:
             return None
-        try:
-            actionlib.ClientGoalHandle(goal).cancel()
-        except rospy.ROSException:  # the program has called action_client.stop()
-            return None
-        deadline = time.monotonic() + CANCELLED_WITHIN
 
-        def wait() -> None:
+        def end(deadline):
             with self.__changed:
                 self.__changed.wait_for(lambda: goal.is_over, deadline - time.monotonic())
             goal.set_lost("a cancel was sent on shutdown, and no outcome came within %g s" % CANCELLED_WITHIN)
 
-        return wait
+        return actionlib.ClientGoalHandle(goal).cancel, end, time.monotonic() + CANCELLED_WITHIN
 
 
 class _Goal(actionlib.CommStateMachine):
