@@ -56,6 +56,22 @@ class TestClient(ScriptedCase):
         self.assertTrue(client.wait_for_result(rospy.Duration(30)))
         self.assertEqual(["active", "feedback", "done"], calls)
 
+    def test_subclass_of_the_same_name_has_private_attributes(self):
+        class SimpleActionClient(self.library.SimpleActionClient):
+
+            def __init__(self, *args):
+                super().__init__(*args)
+                self.__goal = self.__changed = self.__settled = self.__connection = "mine"
+
+            def mine(self):
+                return self.__goal, self.__changed, self.__settled, self.__connection
+
+        client = SimpleActionClient("scripted", TestRequestAction)
+        self.assertTrue(client.wait_for_server(rospy.Duration(30)))
+        client.send_goal(script("0.2 result:SUCCEEDED"))
+        self.assertTrue(client.wait_for_result(rospy.Duration(30)))
+        self.assertEqual((SUCCEEDED, ("mine",) * 4), (client.get_state(), client.mine()))
+
     def test_callbacks_are_attributes_from_send_goal_on(self):
         self.connect()
         names = "done_cb", "active_cb", "feedback_cb"

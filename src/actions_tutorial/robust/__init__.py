@@ -34,7 +34,9 @@ def _on_shutdown() -> None:
     for reference in [*server.servers.valuerefs(), *client.clients.valuerefs()]:
         server_or_client = reference()
         try:
-            wait = server_or_client and server_or_client._begin_shutdown()
+            wait = server_or_client and (
+                server_or_client._begin_shutdown() if isinstance(server_or_client, SimpleActionServer)
+                else server_or_client._robust_begin_shutdown())
         except Exception:  # the other goals are ended all the same
             common.log(rospy.logerr, "robust: the shutdown of a goal failed\n%s", traceback.format_exc())
             continue

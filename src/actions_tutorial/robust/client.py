@@ -73,12 +73,12 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             raise ValueError("heartbeat_timeout is %r, must be above 0, or None" % heartbeat_timeout)
         super().__init__(ns, ActionSpec)
         self.gh: Optional[actionlib.ClientGoalHandle]  # of the goal, None if there is none
-        self.__name = rospy.resolve_name(ns)
-        self.__heartbeat_timeout = heartbeat_timeout
-        self.__cancel_on_shutdown = cancel_on_shutdown
-        self.__changed = threading.Condition()  # notified when a goal is over
-        self.__no_server: Optional[str] = None  # why the last wait_for_server failed
-        self.__settled: Optional[dict] = None  # the connection for which wait_for_server has waited for SETTLED_AFTER
+        self._robust_name = rospy.resolve_name(ns)
+        self._robust_heartbeat_timeout = heartbeat_timeout
+        self._robust_cancel_on_shutdown = cancel_on_shutdown
+        self._robust_changed = threading.Condition()  # notified when a goal is over
+        self._robust_no_server: Optional[str] = None  # why the last wait_for_server failed
+        self._robust_settled: Optional[dict] = None  # the connection for which wait_for_server waited for SETTLED_AFTER
         clients[id(self)] = self
 
     def wait_for_server(self, timeout: Seconds = rospy.Duration()) -> bool:
@@ -91,24 +91,24 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         rospy.get_rostime()  # raises rospy.ROSInitException before rospy.init_node
         seconds, begun, logged = _seconds(timeout), time.monotonic(), 0.0
         while not rospy.is_shutdown():
-            connection, waited = self.__connection(), time.monotonic() - begun
+            connection, waited = self._robust_connection(), time.monotonic() - begun
             if connection is not None:
-                if connection is not self.__settled:
+                if connection is not self._robust_settled:
                     time.sleep(SETTLED_AFTER)
-                self.__settled, self.__no_server = connection, None
+                self._robust_settled, self._robust_no_server = connection, None
                 if not rospy.is_shutdown():
                     return True
             elif waited >= seconds:
-                self.__no_server = "no server of %s within %g s" % (self.__name, seconds)
+                self._robust_no_server = "no server of %s within %g s" % (self._robust_name, seconds)
                 return False
             elif waited - logged >= 5:
                 logged = waited
-                log(rospy.logwarn, "waiting for the server of %s for %d s", self.__name, waited)
+                log(rospy.logwarn, "waiting for the server of %s for %d s", self._robust_name, waited)
             time.sleep(0.01)
-        self.__no_server = "interrupted while waiting for the server of %s" % self.__name
+        self._robust_no_server = "interrupted while waiting for the server of %s" % self._robust_name
         return False
 
-    def __connection(self):
+    def _robust_connection(self):
         """Returns the header of the connection on which the last status came, a new one after a restart of the
         server. None unless that server's other four topics are connected, too."""
         client = self.action_client
@@ -141,17 +141,18 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         if getattr(action_goal.goal, "_type", None) != kind:
             raise TypeError("the goal must be of type %s, not %s" % (kind, getattr(goal, "_type", type(goal).__name__)))
         check_serializable(action_goal)
-        sent = _Goal(self, self.__changed, action_goal)
-        with self.__changed:
+        sent = _Goal(self, self._robust_changed, action_goal)
+        with self._robust_changed:
             self.done_cb, self.active_cb, self.feedback_cb = done_cb, active_cb, feedback_cb
             self.gh, self.simple_state = actionlib.ClientGoalHandle(sent), actionlib.SimpleGoalState.PENDING
-            self.__no_server = None
+            self._robust_no_server = None
         manager = self.action_client.manager
         with manager.list_mutex:
             manager.statuses.append(weakref.ref(sent))
-        if self.__heartbeat_timeout or self.__cancel_on_shutdown:
+        if self._robust_heartbeat_timeout or self._robust_cancel_on_shutdown:
             with contextlib.suppress(RuntimeError):  # Python 3.12 and later start no thread at exit
-                threading.Thread(target=_watch, args=[sent, self.__heartbeat_timeout or math.inf], daemon=True).start()
+                heartbeat = self._robust_heartbeat_timeout or math.inf
+                threading.Thread(target=_watch, args=[sent, heartbeat], daemon=True).start()
         try:
             self.action_client.pub_goal.publish(action_goal)
         except rospy.ROSException:  # the program has called action_client.stop()
@@ -179,11 +180,11 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         timeout: rospy.Duration or s, on the ROS clock; 0: no limit.
         Returns True when it is over, LOST included; False after timeout, on shutdown and without a goal.
         """
-        seconds, goal, begun = _seconds(timeout), self.__goal, rospy.get_time()
+        seconds, goal, begun = _seconds(timeout), self._robust_goal, rospy.get_time()
         if not goal:
             rospy.logerr("Called wait_for_result when no goal exists")
             return False
-        with self.__changed:
+        with self._robust_changed:
             while goal and (not goal.is_over or goal.is_replaced()):
                 now = rospy.get_time()
                 begun = min(begun or now, now)  # simulated time may begin or be set back meanwhile
@@ -191,19 +192,19 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                 if left <= 0 or rospy.is_shutdown():
                     return False
                 # At most 0.1 s: the clock may be simulated, and a shutdown notifies nobody.
-                self.__changed.wait(min(0.1, left))
+                self._robust_changed.wait(min(0.1, left))
                 if goal.is_replaced():
-                    goal = self.__goal  # another thread has sent the next one, or stopped tracking
+                    goal = self._robust_goal  # another thread has sent the next one, or stopped tracking
             return goal is not None
 
     @property
-    def __goal(self):
+    def _robust_goal(self):
         return getattr(self.gh, "comm_state_machine", None)
 
     def get_state(self) -> int:
         """Returns the state of the goal (GoalStatus): PENDING or ACTIVE until outcome and result are there, then the
         terminal state; LOST if there is no goal."""
-        goal = self.__goal
+        goal = self._robust_goal
         if not goal:
             return GoalStatus.LOST
         if goal.outcome is not None:
@@ -213,9 +214,9 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     def get_failure(self) -> Optional[str]:
         """Returns None if the goal SUCCEEDED, else one line: its state and the server's text, or why there is none.
         If wait_for_server has failed since the goal was sent: why."""
-        goal = self.__goal
-        if self.__no_server or not goal:
-            return self.__no_server or "no goal was sent, or it is no longer tracked"
+        goal = self._robust_goal
+        if self._robust_no_server or not goal:
+            return self._robust_no_server or "no goal was sent, or it is no longer tracked"
         outcome = goal.outcome  # read once: the result may come meanwhile
         if outcome == GoalStatus.SUCCEEDED:
             return None
@@ -224,10 +225,10 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         text = goal.latest_goal_status.text or "the server gave no reason"
         return "goal %s: %s" % (STATE_NAMES.get(outcome, outcome), " ".join(text.split()))
 
-    def _begin_shutdown(self) -> Optional[Callable[[], None]]:
+    def _robust_begin_shutdown(self) -> Optional[Callable[[], None]]:
         """For the library: cancel the goal if that was asked for. Returns a function that waits for the outcome."""
-        goal = self.__goal
-        if not self.__cancel_on_shutdown or not goal or goal.latest_result:
+        goal = self._robust_goal
+        if not self._robust_cancel_on_shutdown or not goal or goal.latest_result:
             return None
         try:
             actionlib.ClientGoalHandle(goal).cancel()
@@ -236,8 +237,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         deadline = time.monotonic() + CANCELLED_WITHIN
 
         def wait() -> None:
-            with self.__changed:
-                self.__changed.wait_for(lambda: goal.is_over, deadline - time.monotonic())
+            with self._robust_changed:
+                self._robust_changed.wait_for(lambda: goal.is_over, deadline - time.monotonic())
             goal.set_lost("a cancel was sent on shutdown, and no outcome came within %g s" % CANCELLED_WITHIN)
 
         return wait
