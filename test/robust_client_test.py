@@ -431,6 +431,15 @@ class TestRobustClient(ScriptedCase):
         self.assertEqual(0, program.wait(), program)
         self.eventually(lambda: self.results, "a cancel, and the result after it")
 
+    def test_done_cb_of_a_lost_goal_ends_the_program(self):
+        program = self.programs.program(
+            "shutdown_client", "ACTIVE unlisted cancel result:PREEMPTED", "signals_shutdown")
+        program.expect("done_cb")
+        begun = time.monotonic()
+        self.assertEqual(0, program.wait(), program)
+        self.assertLess(time.monotonic() - begun, 1.7, "an outcome would be awaited for 2 s")
+        self.eventually(lambda: self.results, "a cancel, and the result after it")
+
     # A lost server
 
     def test_silence_of_heartbeat_timeout_is_lost_with_text(self):

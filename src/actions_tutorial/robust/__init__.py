@@ -12,6 +12,7 @@ program registers its own, so that goals are asked to stop first.
 Undocumented behaviour of rospy that is used: a function registered with rospy.on_shutdown during the shutdown is still
 called, after the others, since rospy does not copy its list of them.
 """
+import threading
 import time
 import traceback
 
@@ -28,24 +29,44 @@ __version__ = "2.3.0"
 
 
 def _on_shutdown() -> None:
-    """Ask servers and clients to end their goals. The functions that this one registers are called last, and wait for
-    the outcomes, so the program's own functions are not delayed."""
-    waits = []
-    for reference in [*server.servers.valuerefs(), *client.clients.valuerefs()]:
-        server_or_client = reference()
-        try:
-            wait = server_or_client and (
-                server_or_client._begin_shutdown() if isinstance(server_or_client, SimpleActionServer)
-                else server_or_client._robust_begin_shutdown())
-        except Exception:  # the other goals are ended all the same
-            common.log(rospy.logerr, "robust: the shutdown of a goal failed\n%s", traceback.format_exc())
+    """Have threads ask servers and clients to end their goals, and another one end what is left: this may run in a
+    signal's handler, which may have interrupted code that holds a lock. The function that it registers is called last,
+    so the program's own functions are not delayed."""
+    asks, ends = [], []
+    for one in [each() for each in (*server.servers.valuerefs(), *client.clients.valuerefs())]:
+        if isinstance(one, SimpleActionServer):  # of 2.2
+            wait = one._begin_shutdown()
+            if wait:
+                rospy.on_shutdown(wait)
             continue
-        if wait:
-            waits.append(wait)
-    if waits:
-        waits.append(lambda: time.sleep(0.1))  # rospy sends from threads of its own
-    for wait in waits:
-        rospy.on_shutdown(wait)
+        begun = one is not None and one._robust_begin_shutdown()
+        if begun:
+            ask, end, deadline = begun
+            asks.append((ask,))
+            ends.append((end, deadline))
+    if not ends:
+        return
+    ends.sort(key=lambda end: end[1])
+    try:
+        for ask in [*asks]:
+            threading.Thread(target=_call, args=[[ask]], daemon=True).start()
+            asks.remove(ask)
+        ender = threading.Thread(target=_call, args=[ends], daemon=True)
+        ender.start()
+    except RuntimeError:  # Python 3.12 starts no thread while the interpreter ends, and no other at the limit
+        _call([*asks, *ends])
+        return
+    latest = ends[-1][1] + 0.3
+    rospy.on_shutdown(lambda: (ender.join(max(0, latest - time.monotonic())), time.sleep(0.1)))
+
+
+def _call(calls: list) -> None:
+    """Call functions, each with its arguments. If one raises, the others are called all the same."""
+    for function, *args in calls:
+        try:
+            function(*args)
+        except Exception:
+            common.log(rospy.logerr, "robust: the shutdown of a goal failed\n%s", traceback.format_exc())
 
 
 rospy.on_shutdown(_on_shutdown)

@@ -31,7 +31,7 @@ import threading
 import time
 import traceback
 import weakref
-from typing import Any, Callable, Optional, Union
+from typing import Any, Callable, Optional, Tuple, Union
 
 import actionlib
 import genpy
@@ -225,23 +225,14 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         text = goal.latest_goal_status.text or "the server gave no reason"
         return "goal %s: %s" % (STATE_NAMES.get(outcome, outcome), " ".join(text.split()))
 
-    def _robust_begin_shutdown(self) -> Optional[Callable[[], None]]:
-        """For the library: cancel the goal if that was asked for. Returns a function that waits for the outcome."""
+    def _robust_begin_shutdown(self) -> Optional[Tuple[Callable[[], None], Callable[[float], None], float]]:
+        """For the library: if the goal is to be cancelled, returns a function that does that, one that then ends it
+        (see _Goal.end), and its deadline. It may run in a signal's handler, so it takes no lock."""
         goal = self._robust_goal
         if not self._robust_cancel_on_shutdown or not goal or goal.latest_result:
             return None
-        try:
-            actionlib.ClientGoalHandle(goal).cancel()
-        except rospy.ROSException:  # the program has called action_client.stop()
-            return None
-        deadline = time.monotonic() + CANCELLED_WITHIN
-
-        def wait() -> None:
-            with self._robust_changed:
-                self._robust_changed.wait_for(lambda: goal.is_over, deadline - time.monotonic())
-            goal.set_lost("a cancel was sent on shutdown, and no outcome came within %g s" % CANCELLED_WITHIN)
-
-        return wait
+        # A goal that is LOST has an outcome: there is nothing to wait for.
+        return goal.cancel, goal.end, time.monotonic() + (CANCELLED_WITHIN if goal.outcome is None else 0)
 
 
 class _Goal(actionlib.CommStateMachine):
@@ -268,6 +259,17 @@ class _Goal(actionlib.CommStateMachine):
     def is_replaced(self):
         """Returns whether another goal was sent, or none is tracked any more, before done_cb was due."""
         return not self.is_current() and (self.was_replaced or not self.done_called)
+
+    def cancel(self):
+        """Cancel the goal, unless the program has called action_client.stop()."""
+        with contextlib.suppress(rospy.ROSException):
+            actionlib.ClientGoalHandle(self).cancel()
+
+    def end(self, deadline):
+        """Wait until the goal, which was cancelled, is over. At deadline (time.monotonic()) it is LOST."""
+        with self.changed:
+            self.changed.wait_for(lambda: self.is_over, deadline - time.monotonic())
+        self.set_lost("a cancel was sent on shutdown, and no outcome came within %g s" % CANCELLED_WITHIN)
 
     def send_cancel_fn(self, goal_id):
         """Overrides actionlib's, for ClientGoalHandle.cancel(): send a cancel, unless the server has sent the outcome.
@@ -401,8 +403,7 @@ def _watch(goal, heartbeat):
                 goal.silence += max(0.0, min(real - real_before, ros - ros_before))
             silence = goal.silence
         if silence >= heartbeat:
-            with contextlib.suppress(rospy.ROSException):  # the program has called action_client.stop()
-                actionlib.ClientGoalHandle(goal).cancel()  # in case the server is only asleep
+            goal.cancel()  # in case the server is only asleep
             is_alive = real - goal.unlisted_at < heartbeat / 2
             goal.set_lost("%s %.1f s (heartbeat_timeout is %g s)" % (
                 "the server did not list the goal, nor send feedback, for" if is_alive else "server lost: silent for",
