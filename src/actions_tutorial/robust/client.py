@@ -213,7 +213,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
 
     def get_failure(self) -> Optional[str]:
         """Returns None if the goal SUCCEEDED, else one line: its state and the server's text, or why there is none.
-        If wait_for_server has failed since the goal was sent: why."""
+        If wait_for_server has failed since, after the outcome or while there is none: why."""
         goal = self._robust_goal
         if self._robust_no_server or not goal:
             return self._robust_no_server or "no goal was sent, or it is no longer tracked"
@@ -341,6 +341,8 @@ class _Goal(actionlib.CommStateMachine):
         with self.changed:
             if self.outcome is not None:
                 return
+            if self.is_current():
+                self.client._robust_no_server = None
             self.latest_goal_status, self.latest_result = status, action_result
             self.outcome, self.state = status.status, actionlib.CommState.DONE
             self.was_accepted = self.was_accepted or self.outcome in _ACCEPTED
