@@ -131,7 +131,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         active_cb: called when the server has accepted the goal.
         feedback_cb: called with each feedback.
         All three are also attributes of the client, read when a callback is due.
-        Raises TypeError for a message of another type, rospy.ROSSerializationException for one that cannot be sent.
+        Raises TypeError for a message of another type, rospy.ROSSerializationException for one that cannot be sent, and
+        RuntimeError where no thread can be started for heartbeat_timeout or cancel_on_shutdown.
         """
         # The random digits are for two nodes with the same name that send at the same simulated time.
         stamp, digits = rospy.Time.now(), random.SystemRandom().randrange(10**12)
@@ -143,16 +144,19 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         check_serializable(action_goal)
         sent = _Goal(self, self._robust_changed, action_goal)
         with self._robust_changed:
+            if self._robust_heartbeat_timeout or self._robust_cancel_on_shutdown:
+                try:
+                    _start(_watch, sent, self._robust_heartbeat_timeout or math.inf)  # it waits for the lock
+                except RuntimeError:
+                    if threading.main_thread().is_alive():
+                        raise
+                    # else Python 3.12: it starts no thread while the interpreter ends
             self.done_cb, self.active_cb, self.feedback_cb = done_cb, active_cb, feedback_cb
             self.gh, self.simple_state = actionlib.ClientGoalHandle(sent), actionlib.SimpleGoalState.PENDING
             self._robust_no_server = None
         manager = self.action_client.manager
         with manager.list_mutex:
             manager.statuses.append(weakref.ref(sent))
-        if self._robust_heartbeat_timeout or self._robust_cancel_on_shutdown:
-            with contextlib.suppress(RuntimeError):  # Python 3.12 and later start no thread at exit
-                heartbeat = self._robust_heartbeat_timeout or math.inf
-                threading.Thread(target=_watch, args=[sent, heartbeat], daemon=True).start()
         try:
             self.action_client.pub_goal.publish(action_goal)
         except rospy.ROSException:  # the program has called action_client.stop()
@@ -355,8 +359,8 @@ class _Goal(actionlib.CommStateMachine):
                 return
             self.is_calling = True
         try:
-            threading.Thread(target=self.run_callbacks, daemon=True).start()
-        except RuntimeError:  # Python 3.12 and later start no thread at exit
+            _start(self.run_callbacks)
+        except RuntimeError:  # at the limit of threads; in Python 3.12 also while the interpreter ends
             self.run_callbacks()
 
     def is_callback_due(self):
@@ -397,8 +401,10 @@ def _watch(goal, heartbeat):
     heartbeat (s) without status or feedback, cancel it and make it LOST."""
     tick = min(0.5, heartbeat / 4)
     real, ros = time.monotonic(), rospy.get_time()
-    while goal.outcome is None and goal.is_current():
+    while True:
         with goal.changed:
+            if goal.outcome is not None or not goal.is_current():
+                return
             goal.changed.wait(tick)
             real_before, ros_before, real, ros = real, ros, time.monotonic(), rospy.get_time()
             if real - real_before < 2 * tick:  # else this process or computer was suspended
@@ -410,6 +416,13 @@ def _watch(goal, heartbeat):
             goal.set_lost("%s %.1f s (heartbeat_timeout is %g s)" % (
                 "the server did not list the goal, nor send feedback, for" if is_alive else "server lost: silent for",
                 silence, heartbeat))
+
+
+def _start(function, *args):
+    """Start a daemon thread. Returns it. Raises RuntimeError where none can be started."""
+    thread = threading.Thread(target=function, args=args, daemon=True)
+    thread.start()
+    return thread
 
 
 def _seconds(timeout):
