@@ -8,13 +8,14 @@ as in actionlib.
 Undocumented members of actionlib that are used:
 * of SimpleActionClient: action_client, gh, simple_state, done_condition, done_cb, active_cb and feedback_cb, since
   programs read and set them.
-* of ActionClient: last_status_msg, pub_goal, pub_cancel, result_sub, feedback_sub, ActionGoal, and manager with its
+* of ActionClient: last_status_msg, pub_goal, pub_cancel, status_sub, result_sub, feedback_sub, ActionGoal, and manager with its
   list_mutex and statuses, in which a goal is registered for the answers.
 * of CommStateMachine: its constructor; update_status, update_result, update_feedback, transition_to and send_cancel_fn,
   which are overridden; action_goal, state, latest_goal_status and latest_result, which a ClientGoalHandle reads.
 * of ClientGoalHandle: its constructor and comm_state_machine.
-Of rospy: impl of a publisher or subscriber with has_connection, connections and callerid_pub, and _connection_header of
-a message. actionlib's wait_for_server uses the same, but never ends before the simulated clock has begun.
+Of rospy: impl of a publisher or subscriber with has_connection and connections, callerid_pub and header of a connection,
+and _connection_header of a message. actionlib's wait_for_server uses much the same, but never ends before the simulated
+clock has begun.
 Of messages: _type, the type's name.
 
 Threads: rospy's, one for each topic of a server, record the answers and call feedback_cb. A short-lived daemon thread
@@ -78,7 +79,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         self._robust_cancel_on_shutdown = cancel_on_shutdown
         self._robust_changed = threading.Condition()  # notified when a goal is over
         self._robust_no_server: Optional[str] = None  # why the last wait_for_server failed
-        self._robust_settled: Optional[dict] = None  # the connection for which wait_for_server waited for SETTLED_AFTER
+        self._robust_settled: weakref.WeakSet = weakref.WeakSet()  # connections that are older than SETTLED_AFTER
+        self._robust_warning = threading.Thread()  # writes a warning of wait_for_server
         clients[id(self)] = self
 
     def wait_for_server(self, timeout: Seconds = rospy.Duration()) -> bool:
@@ -89,37 +91,42 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         more, or the first feedback might be lost. Raises rospy.ROSInitException before rospy.init_node.
         """
         rospy.get_rostime()  # raises rospy.ROSInitException before rospy.init_node
-        seconds, begun, logged = _seconds(timeout), time.monotonic(), 0.0
+        seconds, begun, warned = _seconds(timeout), time.monotonic(), 0.0
         while not rospy.is_shutdown():
             connection, waited = self._robust_connection(), time.monotonic() - begun
-            if connection is not None:
-                if connection is not self._robust_settled:
+            if connection:
+                if connection not in self._robust_settled:
                     time.sleep(SETTLED_AFTER)
-                self._robust_settled, self._robust_no_server = connection, None
+                    self._robust_settled.add(connection)
+                self._robust_no_server = None
                 if not rospy.is_shutdown():
                     return True
             elif waited >= seconds:
                 self._robust_no_server = "no server of %s within %g s" % (self._robust_name, seconds)
                 return False
-            elif waited - logged >= 5:
-                logged = waited
-                log(rospy.logwarn, "waiting for the server of %s for %d s", self._robust_name, waited)
+            elif waited - warned >= 5 and not self._robust_warning.is_alive():
+                warned = waited
+                with contextlib.suppress(RuntimeError):  # rospy asks the master, which may hang: not in this thread
+                    self._robust_warning = _start(
+                        log, rospy.logwarn, "waiting for the server of %s for %d s", self._robust_name, waited)
             time.sleep(0.01)
         self._robust_no_server = "interrupted while waiting for the server of %s" % self._robust_name
         return False
 
     def _robust_connection(self):
-        """Returns the header of the connection on which the last status came, a new one after a restart of the
-        server. None unless that server's other four topics are connected, too."""
+        """Returns the connection on which the last status came, if that server's other four topics are connected, too;
+        else one that has settled, and still is connected so. None if there is neither."""
         client = self.action_client
         if not client.last_status_msg:
             return None
-        connection = client.last_status_msg._connection_header
-        server = connection["callerid"]
-        is_connected = all(one.impl.has_connection(server) for one in (client.pub_goal, client.pub_cancel)) and all(
-            server in [each.callerid_pub for each in one.impl.connections]
-            for one in (client.result_sub, client.feedback_sub))
-        return connection if is_connected else None
+        last = client.last_status_msg._connection_header
+        for one in sorted(client.status_sub.impl.connections, key=lambda one: one.header is not last):
+            if ((one.header is last or one in self._robust_settled)
+                    and all(each.impl.has_connection(one.callerid_pub) for each in (client.pub_goal, client.pub_cancel))
+                    and all(one.callerid_pub in [other.callerid_pub for other in each.impl.connections]
+                            for each in (client.result_sub, client.feedback_sub))):
+                return one
+        return None
 
     def send_goal(self, goal: Optional[genpy.Message], done_cb: Optional[Callable[[int, Any], Any]] = None,
                   active_cb: Optional[Callable[[], Any]] = None,
