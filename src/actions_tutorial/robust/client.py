@@ -18,9 +18,19 @@ and _connection_header of a message. actionlib's wait_for_server uses much the s
 clock has begun.
 Of messages: _type, the type's name.
 
-Threads: rospy's, one for each topic of a server, record the answers and call feedback_cb. A short-lived daemon thread
-calls active_cb and done_cb. With heartbeat_timeout or cancel_on_shutdown, each goal has a thread that watches it, and
-keeps its client in memory. No lock is held while a callback runs, or while done_condition is notified.
+The stage of a goal:
+
+    SENT --accepted--> ACTIVE_CB ==returns==> ACCEPTED --outcome--> DONE_CB ==returns==> OVER
+       \\___________________ outcome without acceptance ______________/
+
+    -->  made by the thread that brings the message, of rospy's, or by that of the heartbeat: _Goal.record()
+    ==>  made by a short-lived daemon thread, which calls active_cb and done_cb: _Goal.call_back()
+
+An outcome moves only the goal of client.gh. Another goal keeps its stage, and its done_cb is not called.
+
+Locks: client._robust_changed guards the goals, gh and the callbacks. ClientGoalHandle.cancel() takes it after the mutex
+of a CommStateMachine. Neither they nor list_mutex are held while a callback runs or done_condition is notified.
+Threads: these, and with heartbeat_timeout or cancel_on_shutdown one for each goal, which keeps the client in memory.
 """
 from __future__ import annotations
 
@@ -52,6 +62,8 @@ _ACCEPTED = {GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.PREEMPTED, Goa
 _COMM_STATES = {
     GoalStatus.PENDING: actionlib.CommState.PENDING, GoalStatus.ACTIVE: actionlib.CommState.ACTIVE,
     GoalStatus.RECALLING: actionlib.CommState.RECALLING, GoalStatus.PREEMPTING: actionlib.CommState.PREEMPTING}
+
+SENT, ACTIVE_CB, ACCEPTED, DONE_CB, OVER = range(5)  # stages of a goal, see above
 
 clients: weakref.WeakValueDictionary = weakref.WeakValueDictionary()  # all of this process, by id()
 _goal_numbers = itertools.count(1)
@@ -196,7 +208,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             rospy.logerr("Called wait_for_result when no goal exists")
             return False
         with self._robust_changed:
-            while goal and (not goal.is_over or goal.is_replaced()):
+            while goal and (goal.is_replaced() or not goal.is_over()):
                 now = rospy.get_time()
                 begun = min(begun or now, now)  # simulated time may begin or be set back meanwhile
                 left = seconds - (now - begun)
@@ -220,7 +232,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             return GoalStatus.LOST
         if goal.outcome is not None:
             return goal.outcome
-        return GoalStatus.ACTIVE if goal.was_accepted else GoalStatus.PENDING
+        return GoalStatus.PENDING if goal.stage == SENT else GoalStatus.ACTIVE
 
     def get_failure(self) -> Optional[str]:
         """Returns None if the goal SUCCEEDED, else one line: its state and the server's text, or why there is none.
@@ -232,7 +244,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         if outcome == GoalStatus.SUCCEEDED:
             return None
         if outcome is None:
-            return "goal %s: no outcome so far" % ("ACTIVE" if goal.was_accepted else "PENDING")
+            return "goal %s: no outcome so far" % ("PENDING" if goal.stage == SENT else "ACTIVE")
         text = goal.latest_goal_status.text or "the server gave no reason"
         return "goal %s: %s" % (STATE_NAMES.get(outcome, outcome), " ".join(text.split()))
 
@@ -248,17 +260,14 @@ class SimpleActionClient(actionlib.SimpleActionClient):
 
 class _Goal(actionlib.CommStateMachine):
     """What is known of a goal that was sent. state, latest_goal_status and latest_result are actionlib's: what the
-    server has reported, for a ClientGoalHandle. outcome, was_accepted and is_over are for the client."""
+    server has reported, for a ClientGoalHandle. stage and outcome are for the client."""
 
     def __init__(self, client, changed, action_goal):
         super().__init__(action_goal, None, None, None, None)
         del self.send_cancel_fn  # it would hide the method of that name
         self.client, self.changed, self.id = client, changed, action_goal.goal_id.id
+        self.stage = SENT
         self.outcome = None  # the terminal state (GoalStatus), set together with the result
-        self.was_accepted = False  # the goal is or was ACTIVE
-        self.is_over = False  # done_cb has run
-        self.active_called = self.done_called = self.is_calling = False
-        self.was_replaced = False  # before done_cb was due
         self.unlisted_since = self.cancelled_at = None  # time.monotonic() of the first status without it, first cancel
         self.unlisted_at = -math.inf  # the same of the last status without it
         self.silence = 0.0  # s
@@ -269,7 +278,11 @@ class _Goal(actionlib.CommStateMachine):
 
     def is_replaced(self):
         """Returns whether another goal was sent, or none is tracked any more, before done_cb was due."""
-        return not self.is_current() and (self.was_replaced or not self.done_called)
+        return self.stage < DONE_CB and not self.is_current()
+
+    def is_over(self):
+        """Returns whether there is an outcome, and no callback runs or is due."""
+        return self.outcome is not None and self.stage not in (ACTIVE_CB, DONE_CB)
 
     def cancel(self):
         """Cancel the goal, unless the program has called action_client.stop()."""
@@ -279,7 +292,7 @@ class _Goal(actionlib.CommStateMachine):
     def end(self, deadline):
         """Wait until the goal, which was cancelled, is over. At deadline (time.monotonic()) it is LOST."""
         with self.changed:
-            self.changed.wait_for(lambda: self.is_over, deadline - time.monotonic())
+            self.changed.wait_for(self.is_over, deadline - time.monotonic())
         self.set_lost("a cancel was sent on shutdown, and no outcome came within %g s" % CANCELLED_WITHIN)
 
     def send_cancel_fn(self, goal_id):
@@ -300,7 +313,7 @@ class _Goal(actionlib.CommStateMachine):
         status = next((one for one in status_array.status_list if one.goal_id.id == self.id), None)
         if status:
             self.unlisted_since = None
-            self.record_status(status)
+            self.record(status)
             return
         seen, now = self.latest_goal_status.status, time.monotonic()
         self.unlisted_at, self.unlisted_since = now, self.unlisted_since or now
@@ -318,7 +331,7 @@ class _Goal(actionlib.CommStateMachine):
     def update_feedback(self, action_feedback):
         """Overrides actionlib's: feedback has come."""
         if action_feedback.status.goal_id.id == self.id:
-            self.record_status(action_feedback.status, is_feedback=True)
+            self.record(action_feedback.status, is_feedback=True)
             with self.changed:
                 callback = self.client.feedback_cb if self.is_current() else None
             _call(callback, action_feedback.feedback)
@@ -326,78 +339,67 @@ class _Goal(actionlib.CommStateMachine):
     def update_result(self, action_result):
         """Overrides actionlib's: a result has come."""
         if action_result.status.goal_id.id == self.id:
-            self.set_outcome(action_result.status, action_result)
-
-    def record_status(self, status, is_feedback=False):
-        """Record a status (GoalStatus), or one that came with feedback, which may be older than the last. A terminal
-        state is an outcome only with the result."""
-        with self.changed:
-            self.silence = 0.0
-            if self.outcome is None:
-                self.was_accepted = self.was_accepted or status.status in _ACCEPTED
-                if not is_feedback:
-                    self.latest_goal_status = status
-                    # After a cancel was sent, PENDING and ACTIVE mean that the server has not seen it yet.
-                    if self.state != actionlib.CommState.WAITING_FOR_CANCEL_ACK or status.status not in (
-                            GoalStatus.PENDING, GoalStatus.ACTIVE):
-                        self.state = _COMM_STATES.get(status.status, actionlib.CommState.WAITING_FOR_RESULT)
-        self.start_callbacks()
+            self.record(action_result.status, outcome=action_result.status.status, action_result=action_result)
 
     def set_lost(self, text):
         """Record that the goal is LOST, and why."""
-        self.set_outcome(GoalStatus(self.action_goal.goal_id, GoalStatus.LOST, text), None)
+        self.record(GoalStatus(self.action_goal.goal_id, GoalStatus.LOST, text), outcome=GoalStatus.LOST)
 
-    def set_outcome(self, status, action_result):
-        """Record the outcome, unless there is one."""
+    def record(self, status, is_feedback=False, outcome=None, action_result=None):
+        """Record a status (GoalStatus), one that came with feedback, which may be older than the last, or the outcome
+        (GoalStatus), unless there is one. A terminal state is an outcome only with the result. Then start callbacks."""
         with self.changed:
             if self.outcome is not None:
                 return
-            if self.is_current():
-                self.client._robust_no_server = None
-            self.latest_goal_status, self.latest_result = status, action_result
-            self.outcome, self.state = status.status, actionlib.CommState.DONE
-            self.was_accepted = self.was_accepted or self.outcome in _ACCEPTED
-        self.start_callbacks()
-
-    def start_callbacks(self):
-        """Call active_cb and done_cb if they are due, in a thread: done_cb may wait for the next goal."""
-        with self.changed:
-            if self.is_calling or not self.is_callback_due():
+            self.silence = 0.0
+            if not is_feedback:
+                self.latest_goal_status = status
+            if outcome is not None:
+                self.outcome, self.latest_result, self.state = outcome, action_result, actionlib.CommState.DONE
+                if self.is_current():
+                    self.client._robust_no_server = None
+            # After a cancel was sent, PENDING and ACTIVE mean that the server has not seen it yet.
+            elif not is_feedback and (self.state != actionlib.CommState.WAITING_FOR_CANCEL_ACK or status.status not in (
+                    GoalStatus.PENDING, GoalStatus.ACTIVE)):
+                self.state = _COMM_STATES.get(status.status, actionlib.CommState.WAITING_FOR_RESULT)
+            if not self.move(status.status in _ACCEPTED):
                 return
-            self.is_calling = True
         try:
-            _start(self.run_callbacks)
+            _start(self.call_back)  # a thread, since done_cb may wait for the next goal
         except RuntimeError:  # at the limit of threads; in Python 3.12 also while the interpreter ends
-            self.run_callbacks()
+            self.call_back()
 
-    def is_callback_due(self):
-        """Returns whether active_cb or done_cb is to be called."""
-        return self.was_accepted and not self.active_called or self.outcome is not None and not self.done_called
+    def move(self, is_accepted=False):
+        """Move the goal to ACTIVE_CB or DONE_CB, if one of these is due. Returns whether it is. Needs the lock."""
+        if self.stage == SENT and is_accepted:
+            self.stage = ACTIVE_CB
+        elif self.stage in (SENT, ACCEPTED) and self.outcome is not None and self.is_current():
+            self.stage = DONE_CB
+        else:
+            self.changed.notify_all()
+            return False
+        return True
 
-    def run_callbacks(self):
-        """Call active_cb, then done_cb, if they are due and no other goal was sent meanwhile."""
-        client, is_current = self.client, False
-        while True:
+    def call_back(self):
+        """Call active_cb or done_cb, unless another goal was sent meanwhile; done_cb also after active_cb if the outcome
+        has come meanwhile."""
+        client, is_due = self.client, True
+        while is_due:
             with self.changed:
-                if not self.is_callback_due():
-                    self.is_calling, self.is_over = False, self.done_called
-                    # done_cb may have sent another goal.
-                    is_done = self.is_over and is_current and (client.gh is None or self.is_current())
-                    if is_done:
-                        client.simple_state = actionlib.SimpleGoalState.DONE
-                    self.changed.notify_all()
-                    break
-                is_current = self.is_current()
-                if self.was_accepted and not self.active_called:
-                    self.active_called, call = True, [client.active_cb]
-                    if is_current:
-                        client.simple_state = actionlib.SimpleGoalState.ACTIVE
-                else:
-                    result = self.latest_result and self.latest_result.result
-                    self.done_called, self.was_replaced = True, not is_current
-                    call = [client.done_cb, self.outcome, result]
+                is_current, call = self.is_current(), [client.active_cb]
+                if self.stage == DONE_CB:
+                    call = [client.done_cb, self.outcome, self.latest_result and self.latest_result.result]
+                elif is_current:
+                    client.simple_state = actionlib.SimpleGoalState.ACTIVE
             if is_current:
                 _call(*call)
+            with self.changed:
+                self.stage += 1
+                # done_cb may have sent another goal.
+                is_done = self.stage == OVER and is_current and (client.gh is None or self.is_current())
+                if is_done:
+                    client.simple_state = actionlib.SimpleGoalState.DONE
+                is_due = self.move()
         if is_done:
             with client.done_condition:
                 client.done_condition.notify_all()
