@@ -8,29 +8,28 @@ as in actionlib.
 Undocumented members of actionlib that are used:
 * of SimpleActionClient: action_client, gh, simple_state, done_condition, done_cb, active_cb and feedback_cb, since
   programs read and set them.
-* of ActionClient: last_status_msg, pub_goal, pub_cancel, status_sub, result_sub, feedback_sub, ActionGoal, and manager with its
-  list_mutex and statuses, in which a goal is registered for the answers.
+* of ActionClient: last_status_msg, pub_goal, pub_cancel, status_sub, result_sub, feedback_sub, ActionGoal, and manager
+  with its list_mutex and statuses, in which a goal is registered for the answers.
 * of CommStateMachine: its constructor; update_status, update_result, update_feedback, transition_to and send_cancel_fn,
   which are overridden; action_goal, state, latest_goal_status and latest_result, which a ClientGoalHandle reads.
 * of ClientGoalHandle: its constructor and comm_state_machine.
-Of rospy: impl of a publisher or subscriber with has_connection and connections, callerid_pub and header of a connection,
-and _connection_header of a message. actionlib's wait_for_server uses much the same, but never ends before the simulated
-clock has begun.
+Of rospy: impl of a publisher or subscriber and its connections, with endpoint_id, callerid_pub and header; and
+_connection_header of a message. actionlib's wait_for_server uses these, but never ends before simulated time begins.
 Of messages: _type, the type's name.
 
 The stage of a goal:
 
     SENT --accepted--> ACTIVE_CB ==returns==> ACCEPTED --outcome--> DONE_CB ==returns==> OVER
-       \\___________________ outcome without acceptance ______________/
+      `------------------ outcome without acceptance ------------------^
 
-    -->  made by the thread that brings the message, of rospy's, or by that of the heartbeat: _Goal.record()
-    ==>  made by a short-lived daemon thread, which calls active_cb and done_cb: _Goal.call_back()
+    -->  moved by the thread of rospy's that brings the message, or by that of the heartbeat (_Goal.record)
+    ==>  moved by a short-lived daemon thread that calls active_cb and done_cb (_Goal.call_back)
 
-An outcome moves only the goal of client.gh. Another goal keeps its stage, and its done_cb is not called.
+An outcome moves only the goal of client.gh. Another one keeps its stage, and done_cb is not called for it.
 
-Locks: client._robust_changed guards the goals, gh and the callbacks. ClientGoalHandle.cancel() takes it after the mutex
-of a CommStateMachine. Neither they nor list_mutex are held while a callback runs or done_condition is notified.
-Threads: these, and with heartbeat_timeout or cancel_on_shutdown one for each goal, which keeps the client in memory.
+With heartbeat_timeout or cancel_on_shutdown, each goal has a thread that watches it and keeps its client in memory.
+Locks: client._robust_changed guards gh, the callbacks and all that is known of goals. ClientGoalHandle.cancel() takes
+it after the mutex of a CommStateMachine. None is held while a callback runs, or while done_condition is notified.
 """
 from __future__ import annotations
 
@@ -106,21 +105,21 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         seconds, begun, warned = _seconds(timeout), time.monotonic(), 0.0
         while not rospy.is_shutdown():
             connection, waited = self._robust_connection(), time.monotonic() - begun
-            if connection:
-                if connection not in self._robust_settled:
-                    time.sleep(SETTLED_AFTER)
-                    self._robust_settled.add(connection)
+            if connection in self._robust_settled:
                 self._robust_no_server = None
-                if not rospy.is_shutdown():
-                    return True
+                return True
+            if connection:
+                time.sleep(SETTLED_AFTER)
+                self._robust_settled.add(connection)
             elif waited >= seconds:
                 self._robust_no_server = "no server of %s within %g s" % (self._robust_name, seconds)
                 return False
             elif waited - warned >= 5 and not self._robust_warning.is_alive():
-                warned = waited
-                with contextlib.suppress(RuntimeError):  # rospy asks the master, which may hang: not in this thread
-                    self._robust_warning = _start(
-                        log, rospy.logwarn, "waiting for the server of %s for %d s", self._robust_name, waited)
+                warned, line = waited, "waiting for the server of %s for %d s" % (self._robust_name, waited)
+                # In a thread: rospy asks the master before it logs, and that may hang.
+                self._robust_warning = threading.Thread(target=log, args=[rospy.logwarn, line], daemon=True)
+                with contextlib.suppress(RuntimeError):  # no thread can be started
+                    self._robust_warning.start()
             time.sleep(0.01)
         self._robust_no_server = "interrupted while waiting for the server of %s" % self._robust_name
         return False
@@ -132,13 +131,12 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         if not client.last_status_msg:
             return None
         last = client.last_status_msg._connection_header
-        for one in sorted(client.status_sub.impl.connections, key=lambda one: one.header is not last):
-            if ((one.header is last or one in self._robust_settled)
-                    and all(each.impl.has_connection(one.callerid_pub) for each in (client.pub_goal, client.pub_cancel))
-                    and all(one.callerid_pub in [other.callerid_pub for other in each.impl.connections]
-                            for each in (client.result_sub, client.feedback_sub))):
-                return one
-        return None
+        complete = set.intersection(
+            *({one.endpoint_id for one in each.impl.connections} for each in (client.pub_goal, client.pub_cancel)),
+            *({one.callerid_pub for one in each.impl.connections} for each in (client.result_sub, client.feedback_sub)))
+        found = [one for one in client.status_sub.impl.connections
+                 if one.callerid_pub in complete and (one.header is last or one in self._robust_settled)]
+        return min(found, key=lambda one: one.header is not last, default=None)
 
     def send_goal(self, goal: Optional[genpy.Message], done_cb: Optional[Callable[[int, Any], Any]] = None,
                   active_cb: Optional[Callable[[], Any]] = None,
@@ -161,15 +159,14 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         if getattr(action_goal.goal, "_type", None) != kind:
             raise TypeError("the goal must be of type %s, not %s" % (kind, getattr(goal, "_type", type(goal).__name__)))
         check_serializable(action_goal)
-        sent = _Goal(self, self._robust_changed, action_goal)
+        sent, heartbeat = _Goal(self, action_goal), self._robust_heartbeat_timeout or math.inf
         with self._robust_changed:
             if self._robust_heartbeat_timeout or self._robust_cancel_on_shutdown:
                 try:
-                    _start(_watch, sent, self._robust_heartbeat_timeout or math.inf)  # it waits for the lock
-                except RuntimeError:
+                    threading.Thread(target=_watch, args=[sent, heartbeat], daemon=True).start()
+                except RuntimeError:  # Python 3.12 starts no thread while the interpreter ends
                     if threading.main_thread().is_alive():
                         raise
-                    # else Python 3.12: it starts no thread while the interpreter ends
             self.done_cb, self.active_cb, self.feedback_cb = done_cb, active_cb, feedback_cb
             self.gh, self.simple_state = actionlib.ClientGoalHandle(sent), actionlib.SimpleGoalState.PENDING
             self._robust_no_server = None
@@ -216,8 +213,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                     return False
                 # At most 0.1 s: the clock may be simulated, and a shutdown notifies nobody.
                 self._robust_changed.wait(min(0.1, left))
-                if goal.is_replaced():
-                    goal = self._robust_goal  # another thread has sent the next one, or stopped tracking
+                # Another thread may have sent the next one, or stopped tracking.
+                goal = self._robust_goal if goal.is_replaced() else goal
             return goal is not None
 
     @property
@@ -262,10 +259,10 @@ class _Goal(actionlib.CommStateMachine):
     """What is known of a goal that was sent. state, latest_goal_status and latest_result are actionlib's: what the
     server has reported, for a ClientGoalHandle. stage and outcome are for the client."""
 
-    def __init__(self, client, changed, action_goal):
+    def __init__(self, client, action_goal):
         super().__init__(action_goal, None, None, None, None)
         del self.send_cancel_fn  # it would hide the method of that name
-        self.client, self.changed, self.id = client, changed, action_goal.goal_id.id
+        self.client, self.changed, self.id = client, client._robust_changed, action_goal.goal_id.id
         self.stage = SENT
         self.outcome = None  # the terminal state (GoalStatus), set together with the result
         self.unlisted_since = self.cancelled_at = None  # time.monotonic() of the first status without it, first cancel
@@ -354,35 +351,34 @@ class _Goal(actionlib.CommStateMachine):
             self.silence = 0.0
             if not is_feedback:
                 self.latest_goal_status = status
+                # After a cancel was sent, PENDING and ACTIVE mean that the server has not seen it yet.
+                if self.state != actionlib.CommState.WAITING_FOR_CANCEL_ACK or status.status not in (
+                        GoalStatus.PENDING, GoalStatus.ACTIVE):
+                    self.state = _COMM_STATES.get(status.status, actionlib.CommState.WAITING_FOR_RESULT)
             if outcome is not None:
-                self.outcome, self.latest_result, self.state = outcome, action_result, actionlib.CommState.DONE
                 if self.is_current():
                     self.client._robust_no_server = None
-            # After a cancel was sent, PENDING and ACTIVE mean that the server has not seen it yet.
-            elif not is_feedback and (self.state != actionlib.CommState.WAITING_FOR_CANCEL_ACK or status.status not in (
-                    GoalStatus.PENDING, GoalStatus.ACTIVE)):
-                self.state = _COMM_STATES.get(status.status, actionlib.CommState.WAITING_FOR_RESULT)
+                self.latest_result, self.state, self.outcome = action_result, actionlib.CommState.DONE, outcome
+                self.changed.notify_all()
             if not self.move(status.status in _ACCEPTED):
                 return
         try:
-            _start(self.call_back)  # a thread, since done_cb may wait for the next goal
+            threading.Thread(target=self.call_back, daemon=True).start()  # done_cb may wait for the next goal
         except RuntimeError:  # at the limit of threads; in Python 3.12 also while the interpreter ends
             self.call_back()
 
     def move(self, is_accepted=False):
-        """Move the goal to ACTIVE_CB or DONE_CB, if one of these is due. Returns whether it is. Needs the lock."""
+        """Move the goal to ACTIVE_CB or DONE_CB if one of these is due. Returns whether it is. Needs the lock."""
         if self.stage == SENT and is_accepted:
             self.stage = ACTIVE_CB
         elif self.stage in (SENT, ACCEPTED) and self.outcome is not None and self.is_current():
             self.stage = DONE_CB
         else:
-            self.changed.notify_all()
             return False
         return True
 
     def call_back(self):
-        """Call active_cb or done_cb, unless another goal was sent meanwhile; done_cb also after active_cb if the outcome
-        has come meanwhile."""
+        """Call active_cb or done_cb, unless another goal was sent meanwhile; then go on to done_cb if it is due."""
         client, is_due = self.client, True
         while is_due:
             with self.changed:
@@ -400,6 +396,7 @@ class _Goal(actionlib.CommStateMachine):
                 if is_done:
                     client.simple_state = actionlib.SimpleGoalState.DONE
                 is_due = self.move()
+                self.changed.notify_all()
         if is_done:
             with client.done_condition:
                 client.done_condition.notify_all()
@@ -425,13 +422,6 @@ def _watch(goal, heartbeat):
             goal.set_lost("%s %.1f s (heartbeat_timeout is %g s)" % (
                 "the server did not list the goal, nor send feedback, for" if is_alive else "server lost: silent for",
                 silence, heartbeat))
-
-
-def _start(function, *args):
-    """Start a daemon thread. Returns it. Raises RuntimeError where none can be started."""
-    thread = threading.Thread(target=function, args=args, daemon=True)
-    thread.start()
-    return thread
 
 
 def _seconds(timeout):
