@@ -57,7 +57,8 @@ def _on_shutdown() -> None:
         _call([*asks, *ends])
         return
     latest = ends[-1][1] + 0.3
-    rospy.on_shutdown(lambda: (ender.join(max(0, latest - time.monotonic())), time.sleep(0.1)))
+    rospy.on_shutdown(lambda: ender.join(max(0, latest - time.monotonic())))
+    rospy.on_shutdown(lambda: time.sleep(0.1))  # rospy sends from threads of its own
 
 
 def _call(calls: list) -> None:
