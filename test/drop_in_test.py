@@ -109,6 +109,18 @@ class TestClient(ScriptedCase):
         self.expect(SUCCEEDED)
         self.assertEqual((ABORTED, []), (older.get_terminal_state(), self.feedback))
 
+    def test_outcome_of_an_older_gh_is_delivered(self):
+        self.connect()
+        self.send("0.2 ACTIVE go 0.1 result:ABORTED", 1)
+        self.wait_state(ACTIVE)
+        older = self.client.gh
+        self.send("0.2 ACTIVE")
+        self.wait_state(ACTIVE)
+        self.client.gh = older
+        self.go()
+        self.expect(ABORTED, 1)
+        self.assertEqual([(ABORTED, 1)], self.done)
+
     # Send
 
     def test_id_is_the_node_a_counter_and_the_stamp(self):

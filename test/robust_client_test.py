@@ -171,6 +171,17 @@ class TestRobustClient(ScriptedCase):
         self.eventually(lambda: kept.get_result(), "a result")
         self.assertEqual((ABORTED, []), (kept.get_terminal_state(), self.done))
 
+    def test_gh_set_back_after_its_outcome_is_over(self):
+        self.connect()
+        self.send("ACTIVE go result:ABORTED", 1)
+        self.wait_state(ACTIVE)
+        kept, self.client.gh = self.client.gh, None
+        self.go()
+        self.eventually(lambda: kept.get_result(), "a result")
+        self.client.gh = kept
+        self.expect(ABORTED, 1)
+        self.assertEqual([], self.done)
+
     def test_gh_call_that_actionlib_lacks_is_an_attribute_error(self):
         self.connect()
         self.send("ACTIVE")

@@ -38,6 +38,7 @@ def _on_shutdown() -> None:
             wait = one._begin_shutdown()
             if wait:
                 rospy.on_shutdown(wait)
+                rospy.on_shutdown(lambda: time.sleep(0.1))  # rospy sends from threads of its own
             continue
         begun = one is not None and one._robust_begin_shutdown()
         if begun:

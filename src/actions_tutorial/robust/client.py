@@ -310,8 +310,7 @@ class _Goal(actionlib.CommStateMachine):
         status = next((one for one in status_array.status_list if one.goal_id.id == self.id), None)
         if status:
             self.unlisted_since = None
-            self.record(status)
-            return
+            return self.record(status)
         seen, now = self.latest_goal_status.status, time.monotonic()
         self.unlisted_at, self.unlisted_since = now, self.unlisted_since or now
         since, limit, text = self.unlisted_since, UNLISTED_FOR, "the server no longer knows the goal"
