@@ -23,7 +23,7 @@ from actions_tutorial.msg import WashTheDishesAction
 from processes import eventually
 from raw_client import RawClient
 from scripted import ScriptedCase, script
-from states import ABORTED, ACTIVE, PREEMPTED, SUCCEEDED
+from states import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
 
 LIBRARY = actionlib if os.environ.get("ACTIONLIB") == "plain" else robust
 
@@ -108,6 +108,16 @@ class TestClient(ScriptedCase):
         self.go()
         self.expect(SUCCEEDED)
         self.assertEqual((ABORTED, []), (older.get_terminal_state(), self.feedback))
+
+    def test_acceptance_of_an_older_goal_calls_no_active_cb(self):
+        self.connect()
+        self.send("0.2 PENDING go ACTIVE")
+        older = self.client.gh
+        self.eventually(lambda: older.get_comm_state() == CommState.PENDING, "a status")
+        self.send("0.2 PENDING go 0.5 result:RECALLED")
+        self.go()
+        self.expect(RECALLED)
+        self.assertEqual((ACTIVE, []), (older.get_goal_status(), self.active))
 
     def test_outcome_of_an_older_gh_is_delivered(self):
         self.connect()
