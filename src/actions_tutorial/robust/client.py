@@ -15,7 +15,7 @@ Undocumented members of actionlib that are used:
 * of ClientGoalHandle: its constructor and comm_state_machine.
 Of rospy: impl of a publisher or subscriber and its connections, with endpoint_id, callerid_pub and header; and
 _connection_header of a message. actionlib's wait_for_server uses these, but never ends before simulated time begins.
-Of messages: _type, the type's name.
+Of genpy's messages: _type, the type's name.
 
 The stage of a goal:
 
@@ -58,10 +58,8 @@ CANCELLED_UNLISTED_FOR = 5.0  # s. The same, from the cancel, for a cancelled go
 CANCELLED_WITHIN = 2.0  # s from the cancel on shutdown to the outcome
 SETTLED_AFTER = 0.2  # s for a new connection: rospy counts it a moment before messages pass
 _ACCEPTED = {GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.PREEMPTED, GoalStatus.SUCCEEDED, GoalStatus.ABORTED}
-_COMM_STATES = {
-    GoalStatus.PENDING: actionlib.CommState.PENDING, GoalStatus.ACTIVE: actionlib.CommState.ACTIVE,
-    GoalStatus.RECALLING: actionlib.CommState.RECALLING, GoalStatus.PREEMPTING: actionlib.CommState.PREEMPTING}
-
+_COMM_STATES = {getattr(GoalStatus, name): getattr(actionlib.CommState, name)
+                for name in ("PENDING", "ACTIVE", "RECALLING", "PREEMPTING")}
 SENT, ACTIVE_CB, ACCEPTED, DONE_CB, OVER = range(5)  # stages of a goal, see above
 
 clients: weakref.WeakValueDictionary = weakref.WeakValueDictionary()  # all of this process, by id()
@@ -225,10 +223,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """Returns the state of the goal (GoalStatus): PENDING or ACTIVE until outcome and result are there, then the
         terminal state; LOST if there is no goal."""
         goal = self._robust_goal
-        if not goal:
-            return GoalStatus.LOST
-        if goal.outcome is not None:
-            return goal.outcome
+        if not goal or goal.outcome is not None:
+            return goal.outcome if goal else GoalStatus.LOST
         return GoalStatus.PENDING if goal.stage == SENT else GoalStatus.ACTIVE
 
     def get_failure(self) -> Optional[str]:
@@ -368,13 +364,12 @@ class _Goal(actionlib.CommStateMachine):
 
     def move(self, is_accepted=False):
         """Move the goal to ACTIVE_CB or DONE_CB if one of these is due. Returns whether it is. Needs the lock."""
-        if self.stage == SENT and is_accepted:
+        before = self.stage
+        if before == SENT and is_accepted:
             self.stage = ACTIVE_CB
-        elif self.stage in (SENT, ACCEPTED) and self.outcome is not None and self.is_current():
+        elif before in (SENT, ACCEPTED) and self.outcome is not None and self.is_current():
             self.stage = DONE_CB
-        else:
-            return False
-        return True
+        return self.stage != before
 
     def call_back(self):
         """Call active_cb or done_cb, unless another goal was sent meanwhile; then go on to done_cb if it is due."""
@@ -389,7 +384,7 @@ class _Goal(actionlib.CommStateMachine):
             if is_current:
                 _call(*call)
             with self.changed:
-                self.stage += 1
+                self.stage += 1  # ACCEPTED or OVER
                 # done_cb may have sent another goal.
                 is_done = self.stage == OVER and is_current and (client.gh is None or self.is_current())
                 if is_done:
