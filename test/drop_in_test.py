@@ -26,7 +26,7 @@ from actions_tutorial.msg import WashTheDishesAction
 from processes import Master, eventually
 from raw_client import RawClient
 from scripted import PROGRAMS, ScriptedCase, script
-from states import ABORTED, ACTIVE, PREEMPTED, SUCCEEDED
+from states import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
 
 LIBRARY = actionlib if os.environ.get("ACTIONLIB") == "plain" else robust
 
@@ -58,6 +58,22 @@ class TestClient(ScriptedCase):
                          client.feedback_cb)
         self.assertTrue(client.wait_for_result(rospy.Duration(30)))
         self.assertEqual(["active", "feedback", "done"], calls)
+
+    def test_subclass_of_the_same_name_has_private_attributes(self):
+        class SimpleActionClient(self.library.SimpleActionClient):
+
+            def __init__(self, *args):
+                super().__init__(*args)
+                self.__goal = self.__changed = self.__settled = self.__connection = "mine"
+
+            def mine(self):
+                return self.__goal, self.__changed, self.__settled, self.__connection
+
+        client = SimpleActionClient("scripted", TestRequestAction)
+        self.assertTrue(client.wait_for_server(rospy.Duration(30)))
+        client.send_goal(script("0.2 result:SUCCEEDED"))
+        self.assertTrue(client.wait_for_result(rospy.Duration(30)))
+        self.assertEqual((SUCCEEDED, ("mine",) * 4), (client.get_state(), client.mine()))
 
     def test_callbacks_are_attributes_from_send_goal_on(self):
         self.connect()
@@ -95,6 +111,28 @@ class TestClient(ScriptedCase):
         self.go()
         self.expect(SUCCEEDED)
         self.assertEqual((ABORTED, []), (older.get_terminal_state(), self.feedback))
+
+    def test_acceptance_of_an_older_goal_calls_no_active_cb(self):
+        self.connect()
+        self.send("0.2 PENDING go ACTIVE")
+        older = self.client.gh
+        self.eventually(lambda: older.get_comm_state() == CommState.PENDING, "a status")
+        self.send("0.2 PENDING go 0.5 result:RECALLED")
+        self.go()
+        self.expect(RECALLED)
+        self.assertEqual((ACTIVE, []), (older.get_goal_status(), self.active))
+
+    def test_outcome_of_an_older_gh_is_delivered(self):
+        self.connect()
+        self.send("0.2 ACTIVE go 0.1 result:ABORTED", 1)
+        self.wait_state(ACTIVE)
+        older = self.client.gh
+        self.send("0.2 ACTIVE")
+        self.wait_state(ACTIVE)
+        self.client.gh = older
+        self.go()
+        self.expect(ABORTED, 1)
+        self.assertEqual([(ABORTED, 1)], self.done)
 
     # Send
 
