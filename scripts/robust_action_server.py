@@ -13,6 +13,7 @@ class ActionServer:
         self.a_server = robust.SimpleActionServer(
             "wash_dishes_as", WashTheDishesAction, execute_cb=self.execute_cb, auto_start=False)
         self.a_server.start()
+        rospy.loginfo("wash_dishes_as waits for goals")
 
     def execute_cb(self, goal):
         """Wash goal.number_of_minutes bowls. Called in a thread of its own, with one goal at a time."""

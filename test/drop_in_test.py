@@ -5,6 +5,9 @@ ACTIONLIB=plain in the environment tries actionlib. drop_in.test runs both.
 """
 import gc
 import os
+import signal
+import subprocess
+import sys
 import threading
 import time
 import unittest
@@ -20,10 +23,10 @@ import rostest
 
 from actions_tutorial import robust
 from actions_tutorial.msg import WashTheDishesAction
-from processes import eventually
+from processes import Master, eventually
 from raw_client import RawClient
-from scripted import ScriptedCase, script
-from states import ABORTED, ACTIVE, PREEMPTED, SUCCEEDED
+from scripted import PROGRAMS, ScriptedCase, script
+from states import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
 
 LIBRARY = actionlib if os.environ.get("ACTIONLIB") == "plain" else robust
 
@@ -55,6 +58,22 @@ class TestClient(ScriptedCase):
                          client.feedback_cb)
         self.assertTrue(client.wait_for_result(rospy.Duration(30)))
         self.assertEqual(["active", "feedback", "done"], calls)
+
+    def test_subclass_of_the_same_name_has_private_attributes(self):
+        class SimpleActionClient(self.library.SimpleActionClient):
+
+            def __init__(self, *args):
+                super().__init__(*args)
+                self.__goal = self.__changed = self.__settled = self.__connection = "mine"
+
+            def mine(self):
+                return self.__goal, self.__changed, self.__settled, self.__connection
+
+        client = SimpleActionClient("scripted", TestRequestAction)
+        self.assertTrue(client.wait_for_server(rospy.Duration(30)))
+        client.send_goal(script("0.2 result:SUCCEEDED"))
+        self.assertTrue(client.wait_for_result(rospy.Duration(30)))
+        self.assertEqual((SUCCEEDED, ("mine",) * 4), (client.get_state(), client.mine()))
 
     def test_callbacks_are_attributes_from_send_goal_on(self):
         self.connect()
@@ -92,6 +111,28 @@ class TestClient(ScriptedCase):
         self.go()
         self.expect(SUCCEEDED)
         self.assertEqual((ABORTED, []), (older.get_terminal_state(), self.feedback))
+
+    def test_acceptance_of_an_older_goal_calls_no_active_cb(self):
+        self.connect()
+        self.send("0.2 PENDING go ACTIVE")
+        older = self.client.gh
+        self.eventually(lambda: older.get_comm_state() == CommState.PENDING, "a status")
+        self.send("0.2 PENDING go 0.5 result:RECALLED")
+        self.go()
+        self.expect(RECALLED)
+        self.assertEqual((ACTIVE, []), (older.get_goal_status(), self.active))
+
+    def test_outcome_of_an_older_gh_is_delivered(self):
+        self.connect()
+        self.send("0.2 ACTIVE go 0.1 result:ABORTED", 1)
+        self.wait_state(ACTIVE)
+        older = self.client.gh
+        self.send("0.2 ACTIVE")
+        self.wait_state(ACTIVE)
+        self.client.gh = older
+        self.go()
+        self.expect(ABORTED, 1)
+        self.assertEqual([(ABORTED, 1)], self.done)
 
     # Send
 
@@ -397,6 +438,48 @@ class TestServer(unittest.TestCase):
         self.server.preempt_request = True
         self.assertIs(True, self.server.is_preempt_requested())
         self.free.set()
+
+    def test_private_names_of_a_subclass_with_the_same_name_are_its_own(self):
+        class SimpleActionServer(LIBRARY.SimpleActionServer):
+
+            def __execute(self, goal):
+                self.set_succeeded()
+
+            __running_goal = __call_goal_callback = __is_terminating = __execute
+
+            def execute(self, goal):
+                self.__execute(goal)
+
+        self.make(SimpleActionServer, lambda goal: self.server.execute(goal))
+        self.connect()
+        for _ in range(2):
+            self.expect(self.client.send(0), SUCCEEDED)
+
+    def test_server_with_an_action_server_of_its_own_serves_goals(self):
+        class Subclass(LIBRARY.SimpleActionServer):
+
+            def __init__(self, name, *args):
+                super().__init__(name, *args)
+                self.action_server = actionlib.ActionServer(
+                    name, WashTheDishesAction, self.internal_goal_callback, self.internal_preempt_callback, False)
+
+        self.make(Subclass)
+        self.connect()
+        older = self.send_started(1)
+        newer = self.client.send(0)
+        self.client.wait(lambda: self.server.is_preempt_requested(), "a newer goal")
+        self.free.set()
+        self.expect(older, SUCCEEDED)
+        self.expect(newer, SUCCEEDED)
+
+    def test_next_goal_starts_though_the_master_hangs(self):
+        self.make()
+        with Master() as master:
+            program = master.start(sys.executable, os.path.join(PROGRAMS, "next_goal.py"), stdin=subprocess.PIPE)
+            program.expect("executes 1")
+            master.processes[0].signal(signal.SIGSTOP)
+            program.type("\n")
+            program.expect("executes 2", timeout=10)
 
     def test_execute_condition_may_be_waited_on_by_the_program(self):
         waits = threading.Event()

@@ -7,6 +7,7 @@ import ctypes
 import gc
 import math
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -14,13 +15,14 @@ import weakref
 
 import actionlib
 from actionlib import CommState
-from actionlib.msg import TestRequestAction, TestRequestActionGoal
-from actionlib_msgs.msg import GoalStatus
+from actionlib.msg import (
+    TestRequestAction, TestRequestActionFeedback, TestRequestActionGoal, TestRequestActionResult)
+from actionlib_msgs.msg import GoalStatus, GoalStatusArray
 import rospy
 import rostest
 
 from actions_tutorial import robust
-from processes import run
+from processes import Master, run
 from scripted import ScriptedCase, script
 from states import ABORTED, ACTIVE, NAMES, PENDING, PREEMPTED, RECALLED, SUCCEEDED
 
@@ -169,6 +171,17 @@ class TestRobustClient(ScriptedCase):
         self.eventually(lambda: kept.get_result(), "a result")
         self.assertEqual((ABORTED, []), (kept.get_terminal_state(), self.done))
 
+    def test_gh_set_back_after_its_outcome_is_over(self):
+        self.connect()
+        self.send("ACTIVE go result:ABORTED", 1)
+        self.wait_state(ACTIVE)
+        kept, self.client.gh = self.client.gh, None
+        self.go()
+        self.eventually(lambda: kept.get_result(), "a result")
+        self.client.gh = kept
+        self.expect(ABORTED, 1)
+        self.assertEqual([], self.done)
+
     def test_gh_call_that_actionlib_lacks_is_an_attribute_error(self):
         self.connect()
         self.send("ACTIVE")
@@ -258,13 +271,33 @@ class TestRobustClient(ScriptedCase):
         self.expect(SUCCEEDED, 2)
 
     def test_callbacks_are_called_where_no_thread_can_be_started(self):
-        self.connect(heartbeat_timeout=30)
+        self.connect()
         before = threading.stack_size(1 << 46)  # no computer has that memory
         self.addCleanup(threading.stack_size, before)
         self.assertRaises(RuntimeError, threading.Thread(target=print).start)
         self.send("ACTIVE feedback result:SUCCEEDED", 3)
         self.expect(SUCCEEDED, 3)
         self.assertEqual(([True], [(SUCCEEDED, 3)]), (self.active, self.done))
+
+    def test_goal_that_no_thread_can_guard_is_not_sent(self):
+        for options in {"heartbeat_timeout": 30}, {"cancel_on_shutdown": True}:
+            self.connect(**options)
+            self.send("ACTIVE go result:SUCCEEDED")
+            self.wait_state(ACTIVE)
+            before = threading.stack_size(1 << 46)  # no computer has that memory
+            try:
+                self.assertRaises(RuntimeError, self.client.send_goal, script("result:ABORTED"))
+            finally:
+                threading.stack_size(before)
+            self.go()
+            self.expect(SUCCEEDED)
+        self.assertEqual(([(SUCCEEDED, 0)] * 2, 2), (self.done, len(self.goals)))
+
+    def test_goal_of_a_program_that_ends_is_sent_without_a_thread(self):
+        program = self.programs.program("client_cases", "goal_at_exit_without_threads")
+        program.expect("sent")
+        self.assertEqual(0, program.wait(), program)
+        self.eventually(lambda: self.goals, "the goal")
 
     def test_cancel_names_its_goal(self):
         self.connect()
@@ -374,6 +407,58 @@ class TestRobustClient(ScriptedCase):
             self.assertLess(wait(), 0.1)
             server.stop()
 
+    def serve_topics(self, *topics):
+        """Publish these topics of the action here, too. Returns a function that publishes an empty status, and a list
+        that tells of each status that comes whether it is from here (bool)."""
+        kinds = {"status": GoalStatusArray, "result": TestRequestActionResult, "feedback": TestRequestActionFeedback}
+        publishers = {topic: rospy.Publisher("scripted/" + topic, kinds[topic], queue_size=1) for topic in topics}
+        from_here = []
+        subscriber = rospy.Subscriber("scripted/status", GoalStatusArray, lambda status: from_here.append(
+            status._connection_header["callerid"] == rospy.get_name()))
+        for one in subscriber, *publishers.values():
+            self.addCleanup(one.unregister)
+        self.eventually(lambda: all(one.get_num_connections() for one in publishers.values()), "connections")
+        return publishers["status"].publish, from_here
+
+    def test_status_of_a_node_that_serves_nothing_delays_no_wait(self):
+        self.connect()
+        publish, from_here = self.serve_topics("status")
+        self.send("silent")
+        self.eventually(lambda: publish() or from_here[-15:] == [True] * 15, "a silent server")
+        self.assertTrue(self.client.wait_for_server(0.1))
+
+    def test_each_of_two_servers_settles_once(self):
+        self.connect()
+        publish, from_here = self.serve_topics("status", "result", "feedback")
+        self.send("silent" + " go others" * 3)
+        self.eventually(lambda: publish() or from_here[-15:] == [True] * 15, "a silent server")
+        waits = []
+        for here in [True, False] * 3:
+            publish() if here else self.go()
+            self.eventually(lambda: from_here[-1] == here, "its status")
+            begun = time.monotonic()
+            self.assertTrue(self.client.wait_for_server(30))
+            waits.append(time.monotonic() - begun)
+        self.assertGreater(waits[0], 0.19)
+        self.assertLess(max(waits[1:]), 0.15)
+
+    def test_wait_for_server_ends_in_time_though_the_master_hangs(self):
+        with Master() as master:
+            program = master.start(sys.executable, "-c", """if True:
+                from actions_tutorial import msg, robust
+                import rospy
+                import time
+                rospy.init_node("waits")
+                client = robust.SimpleActionClient("nobody", msg.WashTheDishesAction)
+                print("ready", flush=True)
+                input()
+                begun = time.monotonic()
+                print(client.wait_for_server(7), time.monotonic() - begun, flush=True)""", stdin=subprocess.PIPE)
+            program.expect("ready")
+            master.processes[0].signal(signal.SIGSTOP)
+            program.type("go\n")
+            program.expect(r"^False 7\.", timeout=20)
+
     def test_shutdown_while_connections_settle_is_false(self):
         program = self.programs.program("client_cases", "shutdown_while_connections_settle")
         program.expect("^False interrupted while waiting for the server of /scripted")
@@ -429,6 +514,15 @@ class TestRobustClient(ScriptedCase):
         program = self.programs.program("shutdown_client", "ACTIVE unlisted cancel result:PREEMPTED", "cancels")
         program.expect("LOST goal LOST: the server no longer knows the goal")
         self.assertEqual(0, program.wait(), program)
+        self.eventually(lambda: self.results, "a cancel, and the result after it")
+
+    def test_done_cb_of_a_lost_goal_ends_the_program(self):
+        program = self.programs.program(
+            "shutdown_client", "ACTIVE unlisted cancel result:PREEMPTED", "signals_shutdown")
+        program.expect("done_cb")
+        begun = time.monotonic()
+        self.assertEqual(0, program.wait(), program)
+        self.assertLess(time.monotonic() - begun, 1.7, "an outcome would be awaited for 2 s")
         self.eventually(lambda: self.results, "a cancel, and the result after it")
 
     # A lost server
@@ -588,6 +682,17 @@ class TestRobustClient(ScriptedCase):
         self.assertFalse(nobody.wait_for_server(0.1))
         nobody.send_goal(script(""))
         self.assertEqual("goal PENDING: no outcome so far", nobody.get_failure())
+
+    def test_get_failure_of_an_outcome_after_a_failed_wait(self):
+        late = robust.SimpleActionClient("late", TestRequestAction)
+        publisher = rospy.Publisher("late/result", TestRequestActionResult, queue_size=10)
+        for state, failure in (SUCCEEDED, None), (ABORTED, "goal ABORTED: the server gave no reason"):
+            late.send_goal(script(""))
+            self.assertFalse(late.wait_for_server(0.1))
+            self.assertEqual("no server of /late within 0.1 s", late.get_failure())
+            status = GoalStatus(late.gh.comm_state_machine.action_goal.goal_id, state, "")
+            self.eventually(lambda: publisher.publish(status=status) or late.wait_for_result(0.1), "a result")
+            self.assertEqual(failure, late.get_failure())
 
     def test_get_failure_of_a_server_that_has_gone_since(self):
         server = self.programs.program("scripted_server", ROS_NAMESPACE="/gone")

@@ -107,6 +107,12 @@ class TestServer(unittest.TestCase):
         self.interrupt()
         self.expect(client, goal, ABORTED, SHUTTING_DOWN)
 
+    def test_is_preempt_requested_on_shutdown_only_during_a_goal(self):
+        self.start()
+        self.interrupt()
+        self.program.wait()
+        self.assertIn("preempt requested: False", self.program.stdout)
+
     def test_goal_that_a_client_had_cancelled_is_preempted(self):
         self.start()
         client = self.connect()
@@ -200,6 +206,13 @@ class TestServer(unittest.TestCase):
         self.interrupt()
         self.expect(client, waiting, RECALLED, SHUTTING_DOWN)
         self.expect(client, first, ABORTED, SHUTTING_DOWN)
+
+    def test_server_whose_len_is_0_ends_its_goal(self):
+        self.start()
+        client = self.connect("empty")
+        goal = self.send_active(client, 3)
+        self.interrupt()
+        self.expect(client, goal, ABORTED, SHUTTING_DOWN, 3)
 
     def test_status_that_is_due_when_the_topics_close_raises_nothing(self):
         rospy.set_param(self.namespace + "/actionlib_status_frequency", 50)

@@ -38,6 +38,18 @@ def shutdown_while_connections_settle():
     print(client.wait_for_server(), client.get_failure(), flush=True)
 
 
+def goal_at_exit_without_threads():
+    """A goal with a heartbeat_timeout is sent while the interpreter ends and starts no more threads."""
+    def send():
+        threading.stack_size(1 << 46)  # no computer has that memory
+        client.send_goal(TestRequestGoal())
+        print("sent", flush=True)
+
+    client = robust.SimpleActionClient("scripted", TestRequestAction, heartbeat_timeout=30)
+    client.wait_for_server()
+    rospy.on_shutdown(send)
+
+
 if __name__ == "__main__":
     rospy.init_node("client_cases", anonymous=True)
     globals()[sys.argv[1]]()

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""Three robust servers of WashTheDishes, for a test that shuts this program down: shutdown_server.py [HOOK]
+"""Four robust servers of WashTheDishes, for a test that shuts this program down: shutdown_server.py [HOOK]
 
-They are first/wash_dishes_as and second/wash_dishes_as, and callbacks/wash_dishes_as with goal and preempt callbacks.
+They are first/wash_dishes_as, second/wash_dishes_as, empty/wash_dishes_as, whose len() is 0, and
+callbacks/wash_dishes_as with goal and preempt callbacks.
 HOOK: seconds that a function given to rospy.on_shutdown takes, by default 0; no_threads: no thread can be started from
 the shutdown on. Prints what happens. stdin ends it: "return" ends the main thread, "signal_shutdown" calls
 rospy.signal_shutdown.
@@ -66,11 +67,19 @@ def wait_until_asked(server, minutes):
             raise ValueError("out of soap")
 
 
-def serve(name, shutdown_timeout=1.0):
-    server = robust.SimpleActionServer(
+class Empty(robust.SimpleActionServer):
+    """A server that is false in a condition."""
+
+    def __len__(self):
+        return 0
+
+
+def serve(name, shutdown_timeout=1.0, kind=robust.SimpleActionServer):
+    server = kind(
         name + "/wash_dishes_as", WashTheDishesAction, lambda goal: work(server, goal.number_of_minutes),
         auto_start=False, shutdown_timeout=shutdown_timeout)
     server.start()
+    return server
 
 
 def serve_callbacks():
@@ -98,7 +107,9 @@ def read_stdin():
 def main():
     rospy.init_node("shutdown_server")
     rospy.on_shutdown(hook)
-    serve("first")
+    first = serve("first")
+    rospy.on_shutdown(lambda: os.write(1, ("preempt requested: %s\n" % first.is_preempt_requested()).encode()))
+    serve("empty", kind=Empty)
     serve("second", 2.0)
     serve_callbacks()
     threading.Thread(target=read_stdin, daemon=True).start()

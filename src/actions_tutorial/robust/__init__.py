@@ -12,14 +12,16 @@ program registers its own, so that goals are asked to stop first.
 Undocumented behaviour of rospy that is used: a function registered with rospy.on_shutdown during the shutdown is still
 called, after the others, since rospy does not copy its list of them.
 """
+import threading
 import time
 import traceback
+from typing import Any, Callable
 
 import actionlib
 import rospy
 from actionlib import *  # noqa: F401, F403  # what is not replaced below
 
-from . import client, common, server
+from . import client, common, rate, server
 from .client import SimpleActionClient  # noqa: F401
 from .server import SimpleActionServer  # noqa: F401
 
@@ -28,22 +30,45 @@ __version__ = "2.3.0"
 
 
 def _on_shutdown() -> None:
-    """Ask servers and clients to end their goals. The functions that this one registers are called last, and wait for
-    the outcomes, so the program's own functions are not delayed."""
-    waits = []
-    for reference in [*server.servers.valuerefs(), *client.clients.valuerefs()]:
-        server_or_client = reference()
-        try:
-            wait = server_or_client and server_or_client._begin_shutdown()
-        except Exception:  # the other goals are ended all the same
-            common.log(rospy.logerr, "robust: the shutdown of a goal failed\n%s", traceback.format_exc())
-            continue
-        if wait:
-            waits.append(wait)
-    if waits:
-        waits.append(lambda: time.sleep(0.1))  # rospy sends from threads of its own
-    for wait in waits:
-        rospy.on_shutdown(wait)
+    """Ask servers and clients to end their goals, and wait for the outcomes. This may run in a signal's handler, which
+    has interrupted code that holds a lock, so threads do the work. The function that waits is called last, so it does
+    not delay those of the program."""
+    common.shutdown.set()
+    objects = [reference() for reference in [*server.servers.valuerefs(), *client.clients.valuerefs()]]
+    tasks: list = list(filter(None, [_call(one._robust_begin_shutdown) for one in objects if one is not None]))
+    asks = [rate.wake] + [ask for ask, _, _ in tasks]
+    ends = sorted([(deadline, end) for _, end, deadline in tasks if end], key=lambda one: one[0])
+    ender = threading.Thread(target=_end, args=[ends], daemon=True)
+    try:
+        ender.start()
+        while asks:
+            threading.Thread(target=_call, args=asks[:1], daemon=True).start()  # it may block, in a callback
+            del asks[0]
+    except RuntimeError:  # Python 3.12 starts no thread while the interpreter ends
+        for ask in asks:
+            _call(ask)
+        _end(ends)
+    if ends:
+        rospy.on_shutdown(lambda: _wait(ender, ends[-1][0] + 0.3))
+
+
+def _end(ends: list) -> None:
+    for deadline, end in ends:
+        _call(end, deadline)
+
+
+def _wait(ender: threading.Thread, deadline: float) -> None:
+    while ender.is_alive() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    time.sleep(0.1)  # rospy sends from threads of its own
+
+
+def _call(function: Callable[..., Any], *args: Any) -> Any:
+    """Call function, and return what it returns. What it raises is logged: the other goals are ended all the same."""
+    try:
+        return function(*args)
+    except Exception:
+        return common.log(rospy.logerr, "robust: the shutdown of a goal failed\n%s", traceback.format_exc())
 
 
 rospy.on_shutdown(_on_shutdown)

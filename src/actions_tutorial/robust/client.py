@@ -8,18 +8,28 @@ as in actionlib.
 Undocumented members of actionlib that are used:
 * of SimpleActionClient: action_client, gh, simple_state, done_condition, done_cb, active_cb and feedback_cb, since
   programs read and set them.
-* of ActionClient: last_status_msg, pub_goal, pub_cancel, result_sub, feedback_sub, ActionGoal, and manager with its
-  list_mutex and statuses, in which a goal is registered for the answers.
+* of ActionClient: last_status_msg, pub_goal, pub_cancel, status_sub, result_sub, feedback_sub, ActionGoal, and manager
+  with its list_mutex and statuses, in which a goal is registered for the answers.
 * of CommStateMachine: its constructor; update_status, update_result, update_feedback, transition_to and send_cancel_fn,
   which are overridden; action_goal, state, latest_goal_status and latest_result, which a ClientGoalHandle reads.
 * of ClientGoalHandle: its constructor and comm_state_machine.
-Of rospy: impl of a publisher or subscriber with has_connection, connections and callerid_pub, and _connection_header of
-a message. actionlib's wait_for_server uses the same, but never ends before the simulated clock has begun.
-Of messages: _type, the type's name.
+Of rospy: impl of a publisher or subscriber and its connections, with endpoint_id, callerid_pub and header; and
+_connection_header of a message. actionlib's wait_for_server uses these, but never ends before simulated time begins.
+Of genpy's messages: _type, the type's name.
 
-Threads: rospy's, one for each topic of a server, record the answers and call feedback_cb. A short-lived daemon thread
-calls active_cb and done_cb. With heartbeat_timeout or cancel_on_shutdown, each goal has a thread that watches it, and
-keeps its client in memory. No lock is held while a callback runs, or while done_condition is notified.
+The stage of a goal:
+
+    SENT --accepted--> ACTIVE_CB ==returns==> ACCEPTED --outcome--> DONE_CB ==returns==> OVER
+      `------------------ outcome without acceptance ------------------^
+
+    -->  moved by the thread of rospy's that brings the message, or by that of the heartbeat (_Goal.record)
+    ==>  moved by a short-lived daemon thread that calls active_cb and done_cb (_Goal.call_back)
+
+An outcome moves only the goal of client.gh. Another one keeps its stage, and done_cb is not called for it.
+
+With heartbeat_timeout or cancel_on_shutdown, each goal has a thread that watches it and keeps its client in memory.
+Locks: client._robust_changed guards gh, the callbacks and all that is known of goals. ClientGoalHandle.cancel() takes
+it after the mutex of a CommStateMachine. None is held while a callback runs, or while done_condition is notified.
 """
 from __future__ import annotations
 
@@ -31,7 +41,7 @@ import threading
 import time
 import traceback
 import weakref
-from typing import Any, Callable, Optional, Union
+from typing import Any, Callable, Optional, Tuple, Union
 
 import actionlib
 import genpy
@@ -48,9 +58,9 @@ CANCELLED_UNLISTED_FOR = 5.0  # s. The same, from the cancel, for a cancelled go
 CANCELLED_WITHIN = 2.0  # s from the cancel on shutdown to the outcome
 SETTLED_AFTER = 0.2  # s for a new connection: rospy counts it a moment before messages pass
 _ACCEPTED = {GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.PREEMPTED, GoalStatus.SUCCEEDED, GoalStatus.ABORTED}
-_COMM_STATES = {
-    GoalStatus.PENDING: actionlib.CommState.PENDING, GoalStatus.ACTIVE: actionlib.CommState.ACTIVE,
-    GoalStatus.RECALLING: actionlib.CommState.RECALLING, GoalStatus.PREEMPTING: actionlib.CommState.PREEMPTING}
+_COMM_STATES = {getattr(GoalStatus, name): getattr(actionlib.CommState, name)
+                for name in ("PENDING", "ACTIVE", "RECALLING", "PREEMPTING")}
+SENT, ACTIVE_CB, ACCEPTED, DONE_CB, OVER = range(5)  # stages of a goal, see above
 
 clients: weakref.WeakValueDictionary = weakref.WeakValueDictionary()  # all of this process, by id()
 _goal_numbers = itertools.count(1)
@@ -73,12 +83,13 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             raise ValueError("heartbeat_timeout is %r, must be above 0, or None" % heartbeat_timeout)
         super().__init__(ns, ActionSpec)
         self.gh: Optional[actionlib.ClientGoalHandle]  # of the goal, None if there is none
-        self.__name = rospy.resolve_name(ns)
-        self.__heartbeat_timeout = heartbeat_timeout
-        self.__cancel_on_shutdown = cancel_on_shutdown
-        self.__changed = threading.Condition()  # notified when a goal is over
-        self.__no_server: Optional[str] = None  # why the last wait_for_server failed
-        self.__settled: Optional[dict] = None  # the connection for which wait_for_server has waited for SETTLED_AFTER
+        self._robust_name = rospy.resolve_name(ns)
+        self._robust_heartbeat_timeout = heartbeat_timeout
+        self._robust_cancel_on_shutdown = cancel_on_shutdown
+        self._robust_changed = threading.Condition()  # notified when a goal is over
+        self._robust_no_server: Optional[str] = None  # why the last wait_for_server failed
+        self._robust_settled: weakref.WeakSet = weakref.WeakSet()  # connections that are older than SETTLED_AFTER
+        self._robust_warning = threading.Thread()  # writes a warning of wait_for_server
         clients[id(self)] = self
 
     def wait_for_server(self, timeout: Seconds = rospy.Duration()) -> bool:
@@ -89,37 +100,41 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         more, or the first feedback might be lost. Raises rospy.ROSInitException before rospy.init_node.
         """
         rospy.get_rostime()  # raises rospy.ROSInitException before rospy.init_node
-        seconds, begun, logged = _seconds(timeout), time.monotonic(), 0.0
+        seconds, begun, warned = _seconds(timeout), time.monotonic(), 0.0
         while not rospy.is_shutdown():
-            connection, waited = self.__connection(), time.monotonic() - begun
-            if connection is not None:
-                if connection is not self.__settled:
-                    time.sleep(SETTLED_AFTER)
-                self.__settled, self.__no_server = connection, None
-                if not rospy.is_shutdown():
-                    return True
+            connection, waited = self._robust_connection(), time.monotonic() - begun
+            if connection in self._robust_settled:
+                self._robust_no_server = None
+                return True
+            if connection:
+                time.sleep(SETTLED_AFTER)
+                self._robust_settled.add(connection)
             elif waited >= seconds:
-                self.__no_server = "no server of %s within %g s" % (self.__name, seconds)
+                self._robust_no_server = "no server of %s within %g s" % (self._robust_name, seconds)
                 return False
-            elif waited - logged >= 5:
-                logged = waited
-                log(rospy.logwarn, "waiting for the server of %s for %d s", self.__name, waited)
+            elif waited - warned >= 5 and not self._robust_warning.is_alive():
+                warned, line = waited, "waiting for the server of %s for %d s" % (self._robust_name, waited)
+                # In a thread: rospy asks the master before it logs, and that may hang.
+                self._robust_warning = threading.Thread(target=log, args=[rospy.logwarn, line], daemon=True)
+                with contextlib.suppress(RuntimeError):  # no thread can be started
+                    self._robust_warning.start()
             time.sleep(0.01)
-        self.__no_server = "interrupted while waiting for the server of %s" % self.__name
+        self._robust_no_server = "interrupted while waiting for the server of %s" % self._robust_name
         return False
 
-    def __connection(self):
-        """Returns the header of the connection on which the last status came, a new one after a restart of the
-        server. None unless that server's other four topics are connected, too."""
+    def _robust_connection(self):
+        """Returns the connection on which the last status came, if that server's other four topics are connected, too;
+        else one that has settled, and still is connected so. None if there is neither."""
         client = self.action_client
         if not client.last_status_msg:
             return None
-        connection = client.last_status_msg._connection_header
-        server = connection["callerid"]
-        is_connected = all(one.impl.has_connection(server) for one in (client.pub_goal, client.pub_cancel)) and all(
-            server in [each.callerid_pub for each in one.impl.connections]
-            for one in (client.result_sub, client.feedback_sub))
-        return connection if is_connected else None
+        last = client.last_status_msg._connection_header
+        complete = set.intersection(
+            *({one.endpoint_id for one in each.impl.connections} for each in (client.pub_goal, client.pub_cancel)),
+            *({one.callerid_pub for one in each.impl.connections} for each in (client.result_sub, client.feedback_sub)))
+        found = [one for one in client.status_sub.impl.connections
+                 if one.callerid_pub in complete and (one.header is last or one in self._robust_settled)]
+        return min(found, key=lambda one: one.header is not last, default=None)
 
     def send_goal(self, goal: Optional[genpy.Message], done_cb: Optional[Callable[[int, Any], Any]] = None,
                   active_cb: Optional[Callable[[], Any]] = None,
@@ -131,7 +146,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         active_cb: called when the server has accepted the goal.
         feedback_cb: called with each feedback.
         All three are also attributes of the client, read when a callback is due.
-        Raises TypeError for a message of another type, rospy.ROSSerializationException for one that cannot be sent.
+        Raises TypeError for a message of another type, rospy.ROSSerializationException for one that cannot be sent, and
+        RuntimeError where no thread can be started for heartbeat_timeout or cancel_on_shutdown.
         """
         # The random digits are for two nodes with the same name that send at the same simulated time.
         stamp, digits = rospy.Time.now(), random.SystemRandom().randrange(10**12)
@@ -141,17 +157,20 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         if getattr(action_goal.goal, "_type", None) != kind:
             raise TypeError("the goal must be of type %s, not %s" % (kind, getattr(goal, "_type", type(goal).__name__)))
         check_serializable(action_goal)
-        sent = _Goal(self, self.__changed, action_goal)
-        with self.__changed:
+        sent, heartbeat = _Goal(self, action_goal), self._robust_heartbeat_timeout or math.inf
+        with self._robust_changed:
+            if self._robust_heartbeat_timeout or self._robust_cancel_on_shutdown:
+                try:
+                    threading.Thread(target=_watch, args=[sent, heartbeat], daemon=True).start()
+                except RuntimeError:  # Python 3.12 starts no thread while the interpreter ends
+                    if threading.main_thread().is_alive():
+                        raise
             self.done_cb, self.active_cb, self.feedback_cb = done_cb, active_cb, feedback_cb
             self.gh, self.simple_state = actionlib.ClientGoalHandle(sent), actionlib.SimpleGoalState.PENDING
-            self.__no_server = None
+            self._robust_no_server = None
         manager = self.action_client.manager
         with manager.list_mutex:
             manager.statuses.append(weakref.ref(sent))
-        if self.__heartbeat_timeout or self.__cancel_on_shutdown:
-            with contextlib.suppress(RuntimeError):  # Python 3.12 and later start no thread at exit
-                threading.Thread(target=_watch, args=[sent, self.__heartbeat_timeout or math.inf], daemon=True).start()
         try:
             self.action_client.pub_goal.publish(action_goal)
         except rospy.ROSException:  # the program has called action_client.stop()
@@ -179,83 +198,69 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         timeout: rospy.Duration or s, on the ROS clock; 0: no limit.
         Returns True when it is over, LOST included; False after timeout, on shutdown and without a goal.
         """
-        seconds, goal, begun = _seconds(timeout), self.__goal, rospy.get_time()
+        seconds, goal, begun = _seconds(timeout), self._robust_goal, rospy.get_time()
         if not goal:
             rospy.logerr("Called wait_for_result when no goal exists")
             return False
-        with self.__changed:
-            while goal and (not goal.is_over or goal.is_replaced()):
+        with self._robust_changed:
+            while goal and (goal.is_replaced() or not goal.is_over()):
                 now = rospy.get_time()
                 begun = min(begun or now, now)  # simulated time may begin or be set back meanwhile
                 left = seconds - (now - begun)
                 if left <= 0 or rospy.is_shutdown():
                     return False
                 # At most 0.1 s: the clock may be simulated, and a shutdown notifies nobody.
-                self.__changed.wait(min(0.1, left))
-                if goal.is_replaced():
-                    goal = self.__goal  # another thread has sent the next one, or stopped tracking
+                self._robust_changed.wait(min(0.1, left))
+                # Another thread may have sent the next one, or stopped tracking.
+                goal = self._robust_goal if goal.is_replaced() else goal
             return goal is not None
 
     @property
-    def __goal(self):
+    def _robust_goal(self):
         return getattr(self.gh, "comm_state_machine", None)
 
     def get_state(self) -> int:
         """Returns the state of the goal (GoalStatus): PENDING or ACTIVE until outcome and result are there, then the
         terminal state; LOST if there is no goal."""
-        goal = self.__goal
-        if not goal:
-            return GoalStatus.LOST
-        if goal.outcome is not None:
-            return goal.outcome
-        return GoalStatus.ACTIVE if goal.was_accepted else GoalStatus.PENDING
+        goal = self._robust_goal
+        if not goal or goal.outcome is not None:
+            return goal.outcome if goal else GoalStatus.LOST
+        return GoalStatus.PENDING if goal.stage == SENT else GoalStatus.ACTIVE
 
     def get_failure(self) -> Optional[str]:
         """Returns None if the goal SUCCEEDED, else one line: its state and the server's text, or why there is none.
-        If wait_for_server has failed since the goal was sent: why."""
-        goal = self.__goal
-        if self.__no_server or not goal:
-            return self.__no_server or "no goal was sent, or it is no longer tracked"
+        If wait_for_server has failed since, after the outcome or while there is none: why."""
+        goal = self._robust_goal
+        if self._robust_no_server or not goal:
+            return self._robust_no_server or "no goal was sent, or it is no longer tracked"
         outcome = goal.outcome  # read once: the result may come meanwhile
         if outcome == GoalStatus.SUCCEEDED:
             return None
         if outcome is None:
-            return "goal %s: no outcome so far" % ("ACTIVE" if goal.was_accepted else "PENDING")
+            return "goal %s: no outcome so far" % ("PENDING" if goal.stage == SENT else "ACTIVE")
         text = goal.latest_goal_status.text or "the server gave no reason"
         return "goal %s: %s" % (STATE_NAMES.get(outcome, outcome), " ".join(text.split()))
 
-    def _begin_shutdown(self) -> Optional[Callable[[], None]]:
-        """For the library: cancel the goal if that was asked for. Returns a function that waits for the outcome."""
-        goal = self.__goal
-        if not self.__cancel_on_shutdown or not goal or goal.latest_result:
+    def _robust_begin_shutdown(self) -> Optional[Tuple[Callable[[], None], Callable[[float], None], float]]:
+        """For the library: if the goal is to be cancelled, returns a function that does that, one that then ends it
+        (see _Goal.end), and its deadline. It may run in a signal's handler, so it takes no lock."""
+        goal = self._robust_goal
+        if not self._robust_cancel_on_shutdown or not goal or goal.latest_result:
             return None
-        try:
-            actionlib.ClientGoalHandle(goal).cancel()
-        except rospy.ROSException:  # the program has called action_client.stop()
-            return None
-        deadline = time.monotonic() + CANCELLED_WITHIN
-
-        def wait() -> None:
-            with self.__changed:
-                self.__changed.wait_for(lambda: goal.is_over, deadline - time.monotonic())
-            goal.set_lost("a cancel was sent on shutdown, and no outcome came within %g s" % CANCELLED_WITHIN)
-
-        return wait
+        # A goal that is LOST has an outcome: there is nothing to wait for.
+        return goal.cancel, goal.end, time.monotonic() + (CANCELLED_WITHIN if goal.outcome is None else 0)
 
 
 class _Goal(actionlib.CommStateMachine):
     """What is known of a goal that was sent. state, latest_goal_status and latest_result are actionlib's: what the
-    server has reported, for a ClientGoalHandle. outcome, was_accepted and is_over are for the client."""
+    server has reported, for a ClientGoalHandle. stage and outcome are for the client."""
 
-    def __init__(self, client, changed, action_goal):
+    def __init__(self, client, action_goal):
         super().__init__(action_goal, None, None, None, None)
         del self.send_cancel_fn  # it would hide the method of that name
-        self.client, self.changed, self.id = client, changed, action_goal.goal_id.id
+        self.client, self.changed, self.id = client, client._robust_changed, action_goal.goal_id.id
+        self.stage = SENT
         self.outcome = None  # the terminal state (GoalStatus), set together with the result
-        self.was_accepted = False  # the goal is or was ACTIVE
-        self.is_over = False  # done_cb has run
-        self.active_called = self.done_called = self.is_calling = False
-        self.was_replaced = False  # before done_cb was due
         self.unlisted_since = self.cancelled_at = None  # time.monotonic() of the first status without it, first cancel
         self.unlisted_at = -math.inf  # the same of the last status without it
         self.silence = 0.0  # s
@@ -266,7 +271,22 @@ class _Goal(actionlib.CommStateMachine):
 
     def is_replaced(self):
         """Returns whether another goal was sent, or none is tracked any more, before done_cb was due."""
-        return not self.is_current() and (self.was_replaced or not self.done_called)
+        return self.stage < DONE_CB and not self.is_current()
+
+    def is_over(self):
+        """Returns whether there is an outcome, and no callback runs or is due."""
+        return self.outcome is not None and self.stage not in (ACTIVE_CB, DONE_CB)
+
+    def cancel(self):
+        """Cancel the goal, unless the program has called action_client.stop()."""
+        with contextlib.suppress(rospy.ROSException):
+            actionlib.ClientGoalHandle(self).cancel()
+
+    def end(self, deadline):
+        """Wait until the goal, which was cancelled, is over. At deadline (time.monotonic()) it is LOST."""
+        with self.changed:
+            self.changed.wait_for(self.is_over, deadline - time.monotonic())
+        self.set_lost("a cancel was sent on shutdown, and no outcome came within %g s" % CANCELLED_WITHIN)
 
     def send_cancel_fn(self, goal_id):
         """Overrides actionlib's, for ClientGoalHandle.cancel(): send a cancel, unless the server has sent the outcome.
@@ -286,8 +306,7 @@ class _Goal(actionlib.CommStateMachine):
         status = next((one for one in status_array.status_list if one.goal_id.id == self.id), None)
         if status:
             self.unlisted_since = None
-            self.record_status(status)
-            return
+            return self.record(status)
         seen, now = self.latest_goal_status.status, time.monotonic()
         self.unlisted_at, self.unlisted_since = now, self.unlisted_since or now
         since, limit, text = self.unlisted_since, UNLISTED_FOR, "the server no longer knows the goal"
@@ -304,7 +323,7 @@ class _Goal(actionlib.CommStateMachine):
     def update_feedback(self, action_feedback):
         """Overrides actionlib's: feedback has come."""
         if action_feedback.status.goal_id.id == self.id:
-            self.record_status(action_feedback.status, is_feedback=True)
+            self.record(action_feedback.status, is_feedback=True)
             with self.changed:
                 callback = self.client.feedback_cb if self.is_current() else None
             _call(callback, action_feedback.feedback)
@@ -312,76 +331,66 @@ class _Goal(actionlib.CommStateMachine):
     def update_result(self, action_result):
         """Overrides actionlib's: a result has come."""
         if action_result.status.goal_id.id == self.id:
-            self.set_outcome(action_result.status, action_result)
-
-    def record_status(self, status, is_feedback=False):
-        """Record a status (GoalStatus), or one that came with feedback, which may be older than the last. A terminal
-        state is an outcome only with the result."""
-        with self.changed:
-            self.silence = 0.0
-            if self.outcome is None:
-                self.was_accepted = self.was_accepted or status.status in _ACCEPTED
-                if not is_feedback:
-                    self.latest_goal_status = status
-                    # After a cancel was sent, PENDING and ACTIVE mean that the server has not seen it yet.
-                    if self.state != actionlib.CommState.WAITING_FOR_CANCEL_ACK or status.status not in (
-                            GoalStatus.PENDING, GoalStatus.ACTIVE):
-                        self.state = _COMM_STATES.get(status.status, actionlib.CommState.WAITING_FOR_RESULT)
-        self.start_callbacks()
+            self.record(action_result.status, outcome=action_result.status.status, action_result=action_result)
 
     def set_lost(self, text):
         """Record that the goal is LOST, and why."""
-        self.set_outcome(GoalStatus(self.action_goal.goal_id, GoalStatus.LOST, text), None)
+        self.record(GoalStatus(self.action_goal.goal_id, GoalStatus.LOST, text), outcome=GoalStatus.LOST)
 
-    def set_outcome(self, status, action_result):
-        """Record the outcome, unless there is one."""
+    def record(self, status, is_feedback=False, outcome=None, action_result=None):
+        """Record a status (GoalStatus), one that came with feedback, which may be older than the last, or the outcome
+        (GoalStatus), unless there is one. A terminal state is an outcome only with the result. Then start callbacks."""
         with self.changed:
             if self.outcome is not None:
                 return
-            self.latest_goal_status, self.latest_result = status, action_result
-            self.outcome, self.state = status.status, actionlib.CommState.DONE
-            self.was_accepted = self.was_accepted or self.outcome in _ACCEPTED
-        self.start_callbacks()
-
-    def start_callbacks(self):
-        """Call active_cb and done_cb if they are due, in a thread: done_cb may wait for the next goal."""
-        with self.changed:
-            if self.is_calling or not self.is_callback_due():
+            self.silence = 0.0
+            if not is_feedback:
+                self.latest_goal_status = status
+                # After a cancel was sent, PENDING and ACTIVE mean that the server has not seen it yet.
+                if self.state != actionlib.CommState.WAITING_FOR_CANCEL_ACK or status.status not in (
+                        GoalStatus.PENDING, GoalStatus.ACTIVE):
+                    self.state = _COMM_STATES.get(status.status, actionlib.CommState.WAITING_FOR_RESULT)
+            if outcome is not None:
+                if self.is_current():
+                    self.client._robust_no_server = None
+                self.latest_result, self.state, self.outcome = action_result, actionlib.CommState.DONE, outcome
+                self.changed.notify_all()
+            if not self.move(status.status in _ACCEPTED):
                 return
-            self.is_calling = True
         try:
-            threading.Thread(target=self.run_callbacks, daemon=True).start()
-        except RuntimeError:  # Python 3.12 and later start no thread at exit
-            self.run_callbacks()
+            threading.Thread(target=self.call_back, daemon=True).start()  # done_cb may wait for the next goal
+        except RuntimeError:  # at the limit of threads; in Python 3.12 also while the interpreter ends
+            self.call_back()
 
-    def is_callback_due(self):
-        """Returns whether active_cb or done_cb is to be called."""
-        return self.was_accepted and not self.active_called or self.outcome is not None and not self.done_called
+    def move(self, is_accepted=False):
+        """Move the goal to ACTIVE_CB or DONE_CB if one of these is due. Returns whether it is. Needs the lock."""
+        before = self.stage
+        if before == SENT and is_accepted:
+            self.stage = ACTIVE_CB
+        elif before in (SENT, ACCEPTED) and self.outcome is not None and self.is_current():
+            self.stage = DONE_CB
+        return self.stage != before
 
-    def run_callbacks(self):
-        """Call active_cb, then done_cb, if they are due and no other goal was sent meanwhile."""
-        client, is_current = self.client, False
-        while True:
+    def call_back(self):
+        """Call active_cb or done_cb, unless another goal was sent meanwhile; then go on to done_cb if it is due."""
+        client, is_due = self.client, True
+        while is_due:
             with self.changed:
-                if not self.is_callback_due():
-                    self.is_calling, self.is_over = False, self.done_called
-                    # done_cb may have sent another goal.
-                    is_done = self.is_over and is_current and (client.gh is None or self.is_current())
-                    if is_done:
-                        client.simple_state = actionlib.SimpleGoalState.DONE
-                    self.changed.notify_all()
-                    break
-                is_current = self.is_current()
-                if self.was_accepted and not self.active_called:
-                    self.active_called, call = True, [client.active_cb]
-                    if is_current:
-                        client.simple_state = actionlib.SimpleGoalState.ACTIVE
-                else:
-                    result = self.latest_result and self.latest_result.result
-                    self.done_called, self.was_replaced = True, not is_current
-                    call = [client.done_cb, self.outcome, result]
+                is_current, call = self.is_current(), [client.active_cb]
+                if self.stage == DONE_CB:
+                    call = [client.done_cb, self.outcome, self.latest_result and self.latest_result.result]
+                elif is_current:
+                    client.simple_state = actionlib.SimpleGoalState.ACTIVE
             if is_current:
                 _call(*call)
+            with self.changed:
+                self.stage += 1  # ACCEPTED or OVER
+                # done_cb may have sent another goal.
+                is_done = self.stage == OVER and is_current and (client.gh is None or self.is_current())
+                if is_done:
+                    client.simple_state = actionlib.SimpleGoalState.DONE
+                is_due = self.move()
+                self.changed.notify_all()
         if is_done:
             with client.done_condition:
                 client.done_condition.notify_all()
@@ -392,16 +401,17 @@ def _watch(goal, heartbeat):
     heartbeat (s) without status or feedback, cancel it and make it LOST."""
     tick = min(0.5, heartbeat / 4)
     real, ros = time.monotonic(), rospy.get_time()
-    while goal.outcome is None and goal.is_current():
+    while True:
         with goal.changed:
+            if goal.outcome is not None or not goal.is_current():
+                return
             goal.changed.wait(tick)
             real_before, ros_before, real, ros = real, ros, time.monotonic(), rospy.get_time()
             if real - real_before < 2 * tick:  # else this process or computer was suspended
                 goal.silence += max(0.0, min(real - real_before, ros - ros_before))
             silence = goal.silence
         if silence >= heartbeat:
-            with contextlib.suppress(rospy.ROSException):  # the program has called action_client.stop()
-                actionlib.ClientGoalHandle(goal).cancel()  # in case the server is only asleep
+            goal.cancel()  # in case the server is only asleep
             is_alive = real - goal.unlisted_at < heartbeat / 2
             goal.set_lost("%s %.1f s (heartbeat_timeout is %g s)" % (
                 "the server did not list the goal, nor send feedback, for" if is_alive else "server lost: silent for",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import threading
 from typing import Any, Callable
 
 import genpy
@@ -11,6 +12,8 @@ import rospy
 from actionlib_msgs.msg import GoalStatus
 
 STATE_NAMES = {value: name for name, value in vars(GoalStatus).items() if name.isupper()}
+
+shutdown = threading.Event()  # set when the shutdown of the node begins
 
 
 def log(write: Callable[..., None], *line: Any) -> None:

@@ -8,7 +8,8 @@ Undocumented members of rospy that are used:
 """
 from __future__ import annotations
 
-from typing import Any, Callable, Optional
+import threading
+from typing import Any, Callable
 
 import rospy
 
@@ -21,21 +22,21 @@ class Rate(rospy.Rate):
     hz: 1/s, on the ROS clock.
     request: called when sleep() begins and after each wake(), with no lock held. Returns None, or an object that
         identifies the request to stop, the same one for the same request.
-    before: the previous rate, for a loop that makes one in each turn. A request that it has answered stays answered.
+    answered: its attribute `request` is what was answered last in each thread, so that a loop that makes a rate in each
+        turn keeps its pace.
     """
 
-    def __init__(self, hz: float, request: Callable[[], Any], before: Optional[Rate]) -> None:
+    def __init__(self, hz: float, request: Callable[[], Any], answered: threading.local) -> None:
         super().__init__(hz)
         self.last_time: rospy.Time
-        self._request = request
-        self._answered: Any = before and before._answered
+        self._request, self._answered = request, answered
 
     def sleep(self) -> bool:
         """Sleep until the end of the period. A late call does what rospy.Rate does. If the clock is set back, a new
         period begins.
 
         Returns True at the end of the period, False when the goal should stop: at once the first time for a request,
-        then at the end of each period, so that a loop that goes on keeps its pace. Raises
+        in this thread, then at the end of each period, so that a loop that goes on keeps its pace. Raises
         rospy.ROSInterruptException if the node was shut down and time is simulated, as rospy.Rate does.
         """
         clock = rospy.rostime.get_rostime_cond()
@@ -43,8 +44,8 @@ class Rate(rospy.Rate):
         while True:
             seen = _wakes
             request = self._request()
-            if request is not None and request is not self._answered:
-                self._answered = request
+            if request is not None and request is not getattr(self._answered, "request", None):
+                self._answered.request = request
                 return False
             with clock:
                 now = rospy.get_rostime()
