@@ -113,6 +113,14 @@ class TestServer(unittest.TestCase):
         self.program.wait()
         self.assertIn("preempt requested: False", self.program.stdout)
 
+    def test_is_preempt_requested_after_the_timeout_of_the_shutdown(self):
+        self.start("3")
+        client = self.connect()
+        goal = self.send_active(client, WORKS_ON)
+        self.interrupt()
+        self.expect(client, goal, ABORTED, SHUTTING_DOWN)
+        self.program.expect("preempt requested: True")
+
     def test_goal_that_a_client_had_cancelled_is_preempted(self):
         self.start()
         client = self.connect()

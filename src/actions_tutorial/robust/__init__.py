@@ -30,9 +30,9 @@ __version__ = "2.3.0"
 
 
 def _on_shutdown() -> None:
-    """Ask servers and clients to end their goals, and wait for the outcomes. This may run in a signal's handler, which
-    has interrupted code that holds a lock, so threads do the work. The function that waits is called last, so it does
-    not delay those of the program."""
+    """Ask servers and clients to end their goals, and wait for the outcomes. This may run in a signal's handler, and
+    may have interrupted code that holds a lock, so threads do the work. The function that waits is called last, so it
+    does not delay those of the program."""
     common.shutdown.set()
     objects = [reference() for reference in [*server.servers.valuerefs(), *client.clients.valuerefs()]]
     tasks: list = list(filter(None, [_call(one._robust_begin_shutdown) for one in objects if one is not None]))

@@ -13,9 +13,12 @@ Undocumented members of actionlib that are used:
   the program may hold.
 
 Threads: one for execute_cb; a rospy.Timer that publishes the status; on shutdown those of robust/__init__.py. Goals and
-cancels come in rospy's. action_server.lock guards the goals; execute_condition, which is locked after it, is for
-executeLoop alone. A line of log at INFO or above asks the master, which may hang, so none is written while a lock is
-held, and none in the usual course of a goal.
+cancels come in rospy's. action_server.lock guards the goals. execute_condition, whose lock is locked after it, wakes
+executeLoop; actionlib holds it during callbacks, too. A line of log at INFO or above asks the master, which may hang:
+robust writes none while a lock is held, and none in the usual course of a goal.
+
+    PENDING --accept_new_goal()--> ACTIVE --a cancel--> PREEMPTING    ACTIVE, PREEMPTING --set_…() or robust--> terminal
+       `--a newer goal, a cancel, a goal callback that raises, a shutdown--> RECALLED
 """
 from __future__ import annotations
 
@@ -52,7 +55,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     ActionSpec: its type, such as WashTheDishesAction.
     execute_cb: called with each goal, one at a time, in a daemon thread. None for servers with goal callbacks.
     auto_start: whether to call start(). False is better: execute_cb may be called before the constructor returns.
-    shutdown_timeout: s that a goal may go on after the node's shutdown has begun; then it is ABORTED.
+    shutdown_timeout: s after which a goal is ABORTED that has not stopped when the node is shut down.
     Raises ValueError for a shutdown_timeout below 0, or not finite.
 
     The texts, unless the program gives one: "all done", "the server gave up", and for a PREEMPTED goal why it had to
@@ -311,6 +314,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         locked = server.lock.acquire(timeout=0.1)
         for tracker in self._robust_unfinished():
             status = tracker.status
+            self._robust_preempt_request = True  # execute_cb, which may go on, still learns that it should stop
             status.status = GoalStatus.RECALLED if status.status in _WAITING else GoalStatus.ABORTED
             status.text = SHUTTING_DOWN
             message = server.ActionResult(status=status, result=server.ActionResultType())
