@@ -116,13 +116,15 @@ def test_demo_has_the_clients_arguments_and_status(machine, ready, arguments, st
     assert len(machine.processes_in_it()) == 1, str(machine)
 
 
-def test_demo_names_an_address_that_this_computer_does_not_have(machine, ready):
-    fails(machine, "ROS_IP=192.0.2.1; type: unset ROS_HOSTNAME ROS_IP", "demo", ROS_IP="192.0.2.1")
+def test_demo_disturbs_no_master_and_needs_no_address(machine, ready):
+    demo = machine.run(machine.tutorial, "demo", "1", ROS_IP="192.0.2.1", ROS_MASTER_URI="http://192.0.2.1:11311")
+    assert "- bowl-0" in demo.stdout
 
 
 def test_nothing_is_built_beneath_tests(machine, ready):
     tests = machine.start(machine.tutorial, "test", "service")
     tests.expect("testing")
+    assert machine.start(machine.tutorial, "shell", "true").wait(10) == 0 and tests.running(), str(tests)
     with machine.changed(CMAKE, lambda text: text + "# changed\n"):
         shell = machine.start(machine.tutorial, "shell", "true")
         shell.expect("waiting for another ./tutorial")
