@@ -439,7 +439,7 @@ class TestServer(unittest.TestCase):
         self.assertIs(True, self.server.is_preempt_requested())
         self.free.set()
 
-    def test_private_names_of_a_subclass_with_the_same_name_are_its_own(self):
+    def test_subclass_of_the_same_name_has_private_names(self):
         class SimpleActionServer(LIBRARY.SimpleActionServer):
 
             def __execute(self, goal):
