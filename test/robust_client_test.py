@@ -109,8 +109,8 @@ class TestRobustClient(ScriptedCase):
         self.wait_state(ACTIVE)
         self.assertEqual(CommState.ACTIVE, self.client.gh.get_comm_state())
         self.client.gh.cancel()
-        self.eventually(lambda: self.client.gh.get_goal_status() == GoalStatus.PREEMPTING, "PREEMPTING")
-        self.assertEqual((ACTIVE, CommState.PREEMPTING), (self.client.get_state(), self.client.gh.get_comm_state()))
+        self.eventually(lambda: self.client.gh.get_comm_state() == CommState.PREEMPTING, "PREEMPTING")
+        self.assertEqual((ACTIVE, GoalStatus.PREEMPTING), (self.client.get_state(), self.client.gh.get_goal_status()))
         self.assertIsNone(self.client.gh.get_result())
         self.go()
         self.expect(PREEMPTED, 4)
@@ -293,11 +293,10 @@ class TestRobustClient(ScriptedCase):
             self.expect(SUCCEEDED)
         self.assertEqual(([(SUCCEEDED, 0)] * 2, 2), (self.done, len(self.goals)))
 
-    def test_goal_of_a_program_that_ends_is_sent_without_a_thread(self):
+    def test_send_goal_at_exit_raises_nothing_without_a_thread(self):
         program = self.programs.program("client_cases", "goal_at_exit_without_threads")
         program.expect("sent")
         self.assertEqual(0, program.wait(), program)
-        self.eventually(lambda: self.goals, "the goal")
 
     def test_cancel_names_its_goal(self):
         self.connect()
@@ -363,6 +362,7 @@ class TestRobustClient(ScriptedCase):
                 self.assertRaises(error, call, wrong)
         self.send("result:SUCCEEDED")
         self.expect(SUCCEEDED)
+        self.eventually(lambda: self.goals, "the goal")
         self.assertEqual(1, len(self.goals))
 
     def test_wait_for_result_without_a_goal_is_false_and_logged(self):

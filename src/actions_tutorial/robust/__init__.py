@@ -34,10 +34,9 @@ def _on_shutdown() -> None:
     may have interrupted code that holds a lock, so threads do the work. The function that waits is called last, so it
     does not delay those of the program."""
     common.shutdown.set()
-    objects = [reference() for reference in [*server.servers.valuerefs(), *client.clients.valuerefs()]]
-    tasks: list = list(filter(None, [_call(one._robust_begin_shutdown) for one in objects if one is not None]))
-    asks = [rate.wake] + [ask for ask, _, _ in tasks]
-    ends = sorted([(deadline, end) for _, end, deadline in tasks if end], key=lambda one: one[0])
+    servers, clients = _begin(server.servers), _begin(client.clients)
+    asks = [rate.wake] + [ask for ask, _, _ in servers + clients]
+    ends = sorted([(deadline, end) for _, end, deadline in servers if end], key=lambda one: one[0])
     ender = threading.Thread(target=_end, args=[ends], daemon=True)
     try:
         ender.start()
@@ -48,8 +47,14 @@ def _on_shutdown() -> None:
         for ask in asks:
             _call(ask)
         _end(ends)
-    if ends:
-        rospy.on_shutdown(lambda: _wait(ender, ends[-1][0] + 0.3))
+    if ends or clients:
+        rospy.on_shutdown(lambda: _wait(ender, ends, clients))
+
+
+def _begin(objects: Any) -> list:
+    """Returns what each server or client has to do on shutdown."""
+    alive = [one for one in [reference() for reference in objects.valuerefs()] if one is not None]
+    return list(filter(None, [_call(one._robust_begin_shutdown) for one in alive]))
 
 
 def _end(ends: list) -> None:
@@ -57,8 +62,10 @@ def _end(ends: list) -> None:
         _call(end, deadline)
 
 
-def _wait(ender: threading.Thread, deadline: float) -> None:
-    while ender.is_alive() and time.monotonic() < deadline:
+def _wait(ender: threading.Thread, ends: list, clients: list) -> None:
+    for _, end, deadline in clients:  # in this thread: it releases the client's lock, which it may have interrupted
+        _call(end, deadline)
+    while ends and ender.is_alive() and time.monotonic() < ends[-1][0] + 0.3:
         time.sleep(0.01)
     time.sleep(0.1)  # rospy sends from threads of its own
 
