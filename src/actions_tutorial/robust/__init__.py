@@ -31,8 +31,8 @@ __version__ = "2.3.0"
 
 def _on_shutdown() -> None:
     """Ask servers and clients to end their goals, and wait for the outcomes. This may run in a signal's handler, and
-    may have interrupted code that holds a lock, so threads do the work. The function that waits is called last, so it
-    does not delay those of the program."""
+    may have interrupted code that holds a lock, so threads publish and call the program. The function that waits is
+    called last, so it does not delay those of the program."""
     common.shutdown.set()
     servers, clients = _begin(server.servers), _begin(client.clients)
     asks = [rate.wake] + [ask for ask, _, _ in servers + clients]

@@ -22,7 +22,7 @@ The stage of a goal:
     SENT --accepted--> ACTIVE_CB ==returns==> ACCEPTED --outcome--> DONE_CB ==returns==> OVER
       `------------------ outcome without acceptance ------------------^
 
-    -->  moved by the thread of rospy's that brings the message, or by that of the heartbeat (_Goal.record)
+    -->  moved by the thread of rospy's that brings the message, by that of the heartbeat, or on shutdown (_Goal.record)
     ==>  moved by a short-lived daemon thread that calls active_cb and done_cb (_Goal.call_back)
 
 An outcome moves only the goal of client.gh. Another one keeps its stage, and done_cb is not called for it.
