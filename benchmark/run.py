@@ -51,7 +51,7 @@ def machine():
 def write(folder, benchmark, timeline):
     """Write doc/benchmark.md with the new table and machine, and the pictures, into folder."""
     import pictures  # after all measurements: matplotlib takes memory
-    from processes import PACKAGE
+    from support.processes import PACKAGE
     with open(os.path.join(PACKAGE, "doc", "benchmark.md"), encoding="utf-8") as file:
         page = file.read()
     page = re.sub(r"(^\|.*\n)+", lambda _: table(benchmark), page, 1, re.M)
@@ -66,7 +66,7 @@ def write(folder, benchmark, timeline):
 def main(args):
     # Not at the top: --help needs no ROS.
     from samples import FULL, QUICK, Benchmark
-    from processes import Master
+    from support.processes import Master
     import rospy
     begun, plan = time.monotonic(), QUICK if args.quick else FULL
     gc.disable()  # or it may add up to 0.2 s to a sample

@@ -6,9 +6,9 @@ import subprocess
 import sys
 import time
 
-from processes import PACKAGE
-from raw_client import RawClient
-from states import ACTIVE
+from support.processes import PACKAGE
+from support.raw_client import RawClient
+from support.states import ACTIVE
 
 SERVERS = {"floor": "benchmark/ping_pong.py", "plain": "scripts/action_server.py",
            "hz20": "benchmark/action_server_20_hz.py", "robust": "scripts/robust_action_server.py"}

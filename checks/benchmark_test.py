@@ -2,7 +2,7 @@
 import os
 import re
 
-from processes import PACKAGE, run
+from support.processes import PACKAGE, run
 
 RUN = os.path.join(PACKAGE, "benchmark", "run.py")
 

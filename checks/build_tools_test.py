@@ -7,8 +7,8 @@ import shutil
 import pytest
 
 from conftest import ROOT
-from printed import bowls, check_client, printed_bowls
-from processes import Process, run
+from support.printed import bowls, check_client, printed_bowls
+from support.processes import Process, run
 
 TOOLS = {  # the commands, and the space that they fill
     "catkin_make": (["catkin_make"], "devel"),

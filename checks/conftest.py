@@ -12,7 +12,7 @@ import pytest
 
 ROOT = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
 sys.path.insert(0, os.path.join(ROOT, "test"))
-from processes import Group, Master, eventually, run  # noqa: E402
+from support.processes import Group, Master, eventually, run  # noqa: E402
 
 
 @pytest.hookimpl(tryfirst=True)

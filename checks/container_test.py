@@ -7,8 +7,8 @@ import subprocess
 import pytest
 
 from conftest import ROOT, on_terminal
-from printed import bowls, printed_bowls
-from processes import Group, run
+from support.printed import bowls, printed_bowls
+from support.processes import Group, run
 
 pytestmark = pytest.mark.needs("root", "debootstrap", "podman", "runc", "script")
 # Works in a container, too: there is no cgroup to be had, no network, and no limit above ours.

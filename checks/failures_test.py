@@ -6,7 +6,7 @@ import subprocess
 import pytest
 
 from conftest import Machine
-from processes import eventually
+from support.processes import eventually
 
 pytestmark = pytest.mark.needs("root", "debootstrap", "ip", "nsenter")
 CHECKOUT, WORKSPACE = "/srv/actions_tutorial", "/home/learner/workspace"
@@ -63,7 +63,7 @@ def test_help_after_a_command_starts_nothing(machine, command):
         ("no sudo", "sudo is needed .*apt-get install", "demo", {}, None),
         ("read-only", "set TUTORIAL_WS", "demo", dict(user="root", TUTORIAL_WS="/proc/workspace"), None),
         ("another folder", "not a folder that", "clean", dict(user="root", TUTORIAL_WS="/home"), None),
-        ("no such test", "no test/nosuch.test", "test nosuch", {}, None),
+        ("no such test", "there is no test nosuch, but these: action client ", "test nosuch", {}, None),
         ("no apt", "no apt-get .*docker run", "demo", {}, lambda machine: machine.changed("/usr/bin/apt-get")),
         ("no network", "connect this machine to the network", "demo", dict(user="root", TUTORIAL_WS="/srv/ws"),
          Machine.offline),

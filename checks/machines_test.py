@@ -5,7 +5,7 @@ import subprocess
 import pytest
 
 from conftest import Machine
-from printed import bowls, printed_bowls
+from support.printed import bowls, printed_bowls
 
 pytestmark = pytest.mark.needs("root", "debootstrap", "ip", "nsenter")
 

@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-from printed import bowls
-from processes import eventually, run
+from support.printed import bowls
+from support.processes import eventually, run
 
 HERE = os.path.dirname(os.path.realpath(__file__))
 # axclient.py: its window's size, and its parts' places in it, pixels from the top or, negative, from the bottom

@@ -15,7 +15,7 @@ import subprocess
 import pytest
 
 from conftest import ROOT
-from processes import run
+from support.processes import run
 
 PAGES = ["README.md"] + sorted(str(page.relative_to(ROOT)) for page in pathlib.Path(ROOT, "doc").rglob("*.md"))
 LESSONS = [page for page in PAGES if page.startswith("doc/lessons/")]

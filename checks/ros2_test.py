@@ -12,8 +12,8 @@ import time
 import pytest
 
 from conftest import ROOT
-from printed import bowls
-from processes import Group, run
+from support.printed import bowls
+from support.processes import Group, run
 from typed_pages_test import edit, pattern_of, steps_of
 
 pytestmark = pytest.mark.needs("root", "ip", "nsenter")

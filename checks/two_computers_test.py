@@ -4,8 +4,8 @@ import subprocess
 
 import pytest
 
-from printed import check_client
-from processes import Group, eventually, run
+from support.printed import check_client
+from support.processes import Group, eventually, run
 
 pytestmark = pytest.mark.needs("root", "ip", "nsenter")
 HEARTBEAT_TIMEOUT, SERVER_TIMEOUT = 3, 6  # s

@@ -22,7 +22,7 @@ import pytest
 
 from conftest import ROOT
 from pages_test import EDIT, LESSONS, PAGES, blocks_of, edited
-from processes import bound_socket
+from support.processes import bound_socket
 
 LIMIT = 300  # s to wait for what the page shows, many times what it takes
 PROMPT = "typed> "

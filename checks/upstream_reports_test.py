@@ -4,7 +4,7 @@ import re
 
 from conftest import ROOT
 
-TESTS = os.path.join(ROOT, "test")
+TESTS = os.path.join(ROOT, "test", "robust")
 
 
 def test_the_table_names_what_fails_on_plain_actionlib(workspace, master):

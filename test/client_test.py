@@ -7,10 +7,10 @@ import unittest
 import rospy
 import rostest
 
-from printed import bowls, printed_bowls
-from processes import Group
-from raw_client import RawClient
-from states import SUCCEEDED
+from support.printed import bowls, printed_bowls
+from support.processes import Group
+from support.raw_client import RawClient
+from support.states import SUCCEEDED
 
 
 class ClientTests:

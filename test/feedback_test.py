@@ -6,11 +6,11 @@ from actions_tutorial.msg import WashTheDishesGoal
 import rospy
 import rostest
 
-from action_case import ActionTest
-from printed import bowls
-from processes import Group, eventually
-from raw_client import RawClient
-from states import NAMES, SUCCEEDED
+from support.action_case import ActionTest
+from support.printed import bowls
+from support.processes import Group, eventually
+from support.raw_client import RawClient
+from support.states import NAMES, SUCCEEDED
 
 
 class TestFeedback(ActionTest):

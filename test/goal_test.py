@@ -7,11 +7,11 @@ from actions_tutorial.msg import WashTheDishesGoal
 import rospy
 import rostest
 
-from action_case import ActionTest
-from printed import bowls
-from processes import Group
-from raw_client import RawClient
-from states import ABORTED, PREEMPTED, RECALLED, SUCCEEDED
+from support.action_case import ActionTest
+from support.printed import bowls
+from support.processes import Group
+from support.raw_client import RawClient
+from support.states import ABORTED, PREEMPTED, RECALLED, SUCCEEDED
 
 
 class TestGoal(ActionTest):

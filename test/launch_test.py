@@ -7,9 +7,9 @@ import rosnode
 import rospy
 import rostest
 
-from printed import bowls, printed_bowls
-from processes import Group
-from raw_client import RawClient
+from support.printed import bowls, printed_bowls
+from support.processes import Group
+from support.raw_client import RawClient
 
 
 class LaunchTest(unittest.TestCase):

@@ -7,9 +7,9 @@ from actions_tutorial.msg import WashTheDishesGoal
 import rospy
 import rostest
 
-from action_case import ActionTest
-from processes import Group, eventually
-from states import SUCCEEDED
+from support.action_case import ActionTest
+from support.processes import Group, eventually
+from support.states import SUCCEEDED
 
 
 class TestPreempt(ActionTest):

@@ -4,8 +4,8 @@ from actions_tutorial.msg import WashTheDishesGoal
 import rospy
 import rostest
 
-from action_case import ActionTest
-from states import PREEMPTED, SUCCEEDED
+from support.action_case import ActionTest
+from support.states import PREEMPTED, SUCCEEDED
 
 
 class TestResult(ActionTest):

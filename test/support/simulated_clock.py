@@ -6,7 +6,7 @@ import time
 from rosgraph_msgs.msg import Clock
 import rospy
 
-from processes import eventually
+from support.processes import eventually
 
 
 class SimulatedClock:

@@ -10,8 +10,8 @@ from actions_tutorial import msg
 import rosgraph
 import rospy
 
-from processes import eventually
-from states import ACTIVE, NAMES, PREEMPTING, TERMINAL
+from support.processes import eventually
+from support.states import ACTIVE, NAMES, PREEMPTING, TERMINAL
 
 
 def server_of(action):

@@ -23,10 +23,12 @@ import rostest
 
 from actions_tutorial import robust
 from actions_tutorial.msg import WashTheDishesAction
-from processes import Master, eventually
-from raw_client import RawClient
-from scripted import PROGRAMS, ScriptedCase, script
-from states import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
+
+sys.path.insert(0, os.path.realpath(__file__ + "/../.."))  # test/, where support is
+from support.processes import Master, eventually
+from support.raw_client import RawClient
+from support.scripted import PROGRAMS, ScriptedCase, script
+from support.states import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
 
 LIBRARY = actionlib if os.environ.get("ACTIONLIB") == "plain" else robust
 

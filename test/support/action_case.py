@@ -6,8 +6,8 @@ from actions_tutorial.msg import WashTheDishesAction
 import psutil
 import rospy
 
-from processes import eventually
-from raw_client import RawClient, server_of, wait_connected
+from support.processes import eventually
+from support.raw_client import RawClient, server_of, wait_connected
 
 
 class ActionTest(unittest.TestCase):

@@ -9,9 +9,10 @@ from rosgraph_msgs.msg import Log
 import rospy
 from std_msgs.msg import String
 
-from processes import Group, eventually
+from support.processes import Group, eventually
 
-PROGRAMS = os.path.join(os.path.dirname(os.path.realpath(__file__)), "programs")
+TESTS = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
+PROGRAMS = os.path.join(TESTS, "robust", "programs")
 
 
 def script(words, the_result=0):
@@ -20,10 +21,14 @@ def script(words, the_result=0):
 
 
 class Programs(Group):
-    """Programs of the folder programs/, on the master of the test. They may import what stands in this folder."""
+    """Programs of the tests, on the master of the test."""
 
     def __init__(self):
-        super().__init__(PYTHONPATH=os.pathsep.join([os.path.dirname(PROGRAMS), os.environ.get("PYTHONPATH", "")]))
+        super().__init__(PYTHONPATH=os.pathsep.join([TESTS, os.environ.get("PYTHONPATH", "")]))
+
+    def scripted_server(self, **env):
+        """Start scripted_server.py. -> Process"""
+        return self.start(sys.executable, os.path.join(TESTS, "support", "scripted_server.py"), **env)
 
     def program(self, name, *arguments, **env):
         """Start programs/NAME.py. -> Process"""
@@ -46,7 +51,7 @@ class ScriptedCase(unittest.TestCase):
         rospy.Subscriber("scripted/cancel", GoalID, cls.all_cancels.append)
         rospy.Subscriber("scripted/result", TestRequestActionResult, cls.results.append)
         rospy.Subscriber("/rosout", Log, lambda line: cls.log.append(line) if line.name == rospy.get_name() else None)
-        cls.server = cls.programs.program("scripted_server")
+        cls.server = cls.programs.scripted_server()
         # All clients of a node share its connections, so this one makes sure of them.
         cls.first, feedback = cls.library.SimpleActionClient("scripted", TestRequestAction), []
 

@@ -15,9 +15,9 @@ from actions_tutorial import robust
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
 import rospy
 
-from processes import eventually
-from simulated_clock import SimulatedClock
-from states import NAMES, PENDING
+from support.processes import eventually
+from support.simulated_clock import SimulatedClock
+from support.states import NAMES, PENDING
 
 library = actionlib if os.environ.get("ACTIONLIB") == "plain" else robust
 

@@ -16,7 +16,7 @@ from actionlib.msg import TestRequestAction, TestRequestGoal
 from actions_tutorial import robust
 import rospy
 
-from states import NAMES
+from support.states import NAMES
 
 
 def main():

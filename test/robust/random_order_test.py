@@ -7,16 +7,18 @@ polls would never answer. SEED (1) and SEQUENCES (80) in the environment choose 
 import contextlib
 import os
 import random
+import sys
 import threading
 import unittest
 
 import rospy
 import rostest
 
-from printed import bowls
-from raw_client import RawClient
-from simulated_clock import SimulatedClock
-from states import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
+sys.path.insert(0, os.path.realpath(__file__ + "/../.."))  # test/, where support is
+from support.printed import bowls
+from support.raw_client import RawClient
+from support.simulated_clock import SimulatedClock
+from support.states import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
 
 SEED = int(os.environ.get("SEED", 1))
 SEQUENCES = int(os.environ.get("SEQUENCES", 80))

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """What robust must not do: patch anything, lose lines of log, give up on a goal, send anything of its own accord."""
+import os
 import signal
 import sys
 import time
@@ -12,10 +13,12 @@ import rostest
 
 from actions_tutorial import robust
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
-from processes import PACKAGE, run
-from raw_client import RawClient
-from scripted import Programs, ScriptedCase, script
-from states import ABORTED, ACTIVE, SUCCEEDED
+
+sys.path.insert(0, os.path.realpath(__file__ + "/../.."))  # test/, where support is
+from support.processes import PACKAGE, run
+from support.raw_client import RawClient
+from support.scripted import Programs, ScriptedCase, script
+from support.states import ABORTED, ACTIVE, SUCCEEDED
 
 
 class TestRobustPolicy(ScriptedCase):
@@ -107,13 +110,13 @@ class TestRobustPolicy(ScriptedCase):
         self.assertEqual(SUCCEEDED, client.send_goal_and_wait(WashTheDishesGoal(6), 30, 1), client.get_failure())
 
     def test_loop_of_waits_ends_when_the_server_was_restarted(self):
-        server = self.program("scripted_server", ROS_NAMESPACE="/restarted")
+        server = self.scripted_server(ROS_NAMESPACE="/restarted")
         client = robust.SimpleActionClient("restarted/scripted", TestRequestAction)
         self.assertTrue(client.wait_for_server(30))
         client.send_goal(script("ACTIVE"))
         self.eventually(lambda: client.get_state() == ACTIVE, "an active goal")
         server.stop()
-        self.program("scripted_server", ROS_NAMESPACE="/restarted")
+        self.scripted_server(ROS_NAMESPACE="/restarted")
         begun, cpu = time.monotonic(), time.process_time()
         while not client.wait_for_result(rospy.Duration(1)):
             self.assertLess(time.monotonic() - begun, 30)

@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """robust_action_client.py with robust_action_server.py, as its user sees it; and each with the plain one."""
+import os
 import signal
+import sys
 import time
 import unittest
 
@@ -8,10 +10,11 @@ from rosgraph_msgs.msg import Log
 import rospy
 import rostest
 
+sys.path.insert(0, os.path.realpath(__file__ + "/../.."))  # test/, where support is
 from client_test import ClientTests
-from printed import bowls, printed_bowls
-from processes import eventually
-from states import PREEMPTED
+from support.printed import bowls, printed_bowls
+from support.processes import eventually
+from support.states import PREEMPTED
 
 
 class TestRobustActionClient(ClientTests, unittest.TestCase):

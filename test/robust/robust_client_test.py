@@ -6,6 +6,7 @@ The server is programs/scripted_server.py. Each goal is a script of what it does
 import ctypes
 import gc
 import math
+import os
 import signal
 import subprocess
 import sys
@@ -22,9 +23,11 @@ import rospy
 import rostest
 
 from actions_tutorial import robust
-from processes import Master, run
-from scripted import ScriptedCase, script
-from states import ABORTED, ACTIVE, NAMES, PENDING, PREEMPTED, RECALLED, SUCCEEDED
+
+sys.path.insert(0, os.path.realpath(__file__ + "/../.."))  # test/, where support is
+from support.processes import Master, run
+from support.scripted import ScriptedCase, script
+from support.states import ABORTED, ACTIVE, NAMES, PENDING, PREEMPTED, RECALLED, SUCCEEDED
 
 LOST = GoalStatus.LOST
 
@@ -400,7 +403,7 @@ class TestRobustClient(ScriptedCase):
 
         client = robust.SimpleActionClient("settles/scripted", TestRequestAction)
         for _ in range(2):
-            server = self.programs.program("scripted_server", ROS_NAMESPACE="/settles")
+            server = self.programs.scripted_server(ROS_NAMESPACE="/settles")
             # Another client, with the same connections, waits until they are there.
             self.assertTrue(robust.SimpleActionClient("settles/scripted", TestRequestAction).wait_for_server(30))
             self.assertGreater(wait(), 0.19)
@@ -695,7 +698,7 @@ class TestRobustClient(ScriptedCase):
             self.assertEqual(failure, late.get_failure())
 
     def test_get_failure_of_a_server_that_has_gone_since(self):
-        server = self.programs.program("scripted_server", ROS_NAMESPACE="/gone")
+        server = self.programs.scripted_server(ROS_NAMESPACE="/gone")
         client = robust.SimpleActionClient("gone/scripted", TestRequestAction)
         self.assertTrue(client.wait_for_server(30))
         self.assertEqual(SUCCEEDED, client.send_goal_and_wait(script("result:SUCCEEDED"), 30))

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """Both servers, robust's client and rate, on a clock in the test's hand: it stands still unless the test turns it."""
+import os
 import sys
 import threading
 import time
@@ -11,11 +12,12 @@ from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
 import rospy
 import rostest
 
-from printed import bowls
-from processes import eventually, run
-from raw_client import RawClient, wait_connected
-from simulated_clock import SimulatedClock
-from states import PREEMPTED, PREEMPTING, SUCCEEDED
+sys.path.insert(0, os.path.realpath(__file__ + "/../.."))  # test/, where support is
+from support.printed import bowls
+from support.processes import eventually, run
+from support.raw_client import RawClient, wait_connected
+from support.simulated_clock import SimulatedClock
+from support.states import PREEMPTED, PREEMPTING, SUCCEEDED
 
 PAUSE = 1.5  # s, real time, for what must not happen on a paused clock
 
@@ -187,6 +189,7 @@ class TestRate(unittest.TestCase):
         slept = self.sleep(rate)
         time.sleep(PAUSE / 5)
         self.clock.turn(-500)
+        time.sleep(PAUSE / 5)  # it sees that
         self.turn_until(1, slept)
         self.clock.turn(0.5)  # work
         self.assertEqual(0.5, rate.remaining().to_sec())

@@ -4,6 +4,7 @@
 The servers are programs/shutdown_server.py; ways_to_stop.py says what their goals do.
 """
 import contextlib
+import os
 import signal
 import subprocess
 import sys
@@ -16,11 +17,13 @@ import rospy
 import rostest
 
 from actions_tutorial import robust
-from printed import bowls
-from processes import run
-from raw_client import RawClient
-from scripted import Programs, ScriptedCase
-from states import ABORTED, ACTIVE, PREEMPTED, PREEMPTING, RECALLED, SUCCEEDED
+
+sys.path.insert(0, os.path.realpath(__file__ + "/../.."))  # test/, where support is
+from support.printed import bowls
+from support.processes import run
+from support.raw_client import RawClient
+from support.scripted import Programs, ScriptedCase
+from support.states import ABORTED, ACTIVE, PREEMPTED, PREEMPTING, RECALLED, SUCCEEDED
 from ways_to_stop import (
     BY_PREEMPT_CALLBACK, CALLBACK_BLOCKS, KEEPS_THE_LOCK, OF_ITS_OWN_ACCORD, ONLY_ON_SHUTDOWN, OWN_TEXT, POLLS,
     RAISES, RESULT_OF_20_MB, STOPS_ITS_SERVER, TEN_MORE_PERIODS, WORKS_ON)

@@ -14,7 +14,7 @@ import time
 import psutil
 import rosgraph
 
-PACKAGE = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))  # its folder
+PACKAGE = os.path.realpath(__file__ + "/../../..")  # its folder
 
 
 def eventually(condition, what, *shown, timeout=50, changed=None, pause=0.02):
@@ -194,8 +194,16 @@ class Master(Group):
 
 @atexit.register
 def leave_nothing():
-    """An interrupted test leaves neither processes nor folders behind."""
+    """A test that is interrupted or terminated leaves neither processes nor folders behind."""
     for process in list(Process.running_ones):
         process.kill()
     for home in Master.homes:
         shutil.rmtree(home, ignore_errors=True)
+
+
+def _terminate(number, _):
+    leave_nothing()
+    os._exit(128 + number)
+
+
+signal.signal(signal.SIGTERM, _terminate)  # rospy's own handler calls it

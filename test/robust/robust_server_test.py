@@ -4,6 +4,7 @@
 The client is a RawClient, which sends plain messages. What the server does is the execute_cb in each test.
 """
 import logging
+import os
 import sys
 import threading
 import time
@@ -16,10 +17,12 @@ import rostest
 
 from actions_tutorial import robust
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesFeedback, WashTheDishesResult
-from printed import bowls
-from processes import Process, eventually
-from raw_client import RawClient
-from states import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
+
+sys.path.insert(0, os.path.realpath(__file__ + "/../.."))  # test/, where support is
+from support.printed import bowls
+from support.processes import Process, eventually
+from support.raw_client import RawClient
+from support.states import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
 
 
 class TestRobustServer(unittest.TestCase):

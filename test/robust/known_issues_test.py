@@ -6,6 +6,7 @@ ACTIONLIB=plain in the environment tries actionlib instead of robust. The name o
 actionlib, ros_comm, pr2_common; own: found by us.
 """
 import os
+import sys
 import threading
 import time
 
@@ -16,10 +17,12 @@ import rospy
 import rostest
 
 from actions_tutorial import msg, robust
-from processes import eventually
-from raw_client import RawClient
-from scripted import Programs, ScriptedCase, script
-from states import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
+
+sys.path.insert(0, os.path.realpath(__file__ + "/../.."))  # test/, where support is
+from support.processes import eventually
+from support.raw_client import RawClient
+from support.scripted import Programs, ScriptedCase, script
+from support.states import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
 
 LOST = GoalStatus.LOST
 
