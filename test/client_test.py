@@ -1,14 +1,17 @@
 #!/usr/bin/env python3
 """action_client.py with action_server.py, as its user sees it: output, exit status, arguments, Ctrl-C."""
 import contextlib
+import os
 import signal
+import sys
 import unittest
 
+import rosnode
 import rospy
 import rostest
 
 from support.printed import bowls, printed_bowls
-from support.processes import Group
+from support.processes import PACKAGE, Group, eventually
 from support.raw_client import RawClient
 from support.states import SUCCEEDED
 
@@ -67,15 +70,6 @@ class ClientTests:
         result = "".join("  - %s\n" % bowl for bowl in bowls(7))
         self.check([], 0, feedback + "The result is: dishes_washed: \n" + result)
 
-    def test_minutes_are_an_argument(self):
-        client = self.client("1")
-        self.assertEqual((0, bowls(1)), (client.wait(), printed_bowls(client)[1]), client)
-
-    def test_feedback_is_printed_before_the_result(self):
-        client = self.client("2")
-        client.wait()
-        self.assertRegex(client.stdout, r"(?s)\AFeedback received: .*The result is: (?!.*Feedback received)", client)
-
     def test_each_feedback_is_printed_at_once(self):
         client = self.client("600")
         client.expect("bowl-2", timeout=20)  # what is not flushed comes later, when the pipe's buffer is full
@@ -121,9 +115,25 @@ class TestActionClient(ClientTests, unittest.TestCase):
         client = self.client("6")
         goal_id = self.goal_of(client)
         client.signal(signal.SIGINT)
-        self.assertEqual(1, client.wait(), client)
+        self.assertEqual((1, ""), (client.wait(), client.stderr), client)
         self.assertNotIn("The result is", client.stdout, client)
         self.raw.check_outcome(goal_id, SUCCEEDED, bowls(6))
+
+    def test_test_that_is_terminated_leaves_no_node(self):
+        path = os.pathsep.join([PACKAGE + "/test", os.environ["PYTHONPATH"]])
+        test = self.nodes.start(sys.executable, "-c", """if True:
+            import rospy
+            from support.processes import Group
+            rospy.init_node("terminated", anonymous=True)
+            Group().node("action_server.py", ROS_NAMESPACE="/terminated").wait(600)""", PYTHONPATH=path)
+
+        def server_runs():
+            return rosnode.rosnode_ping("/terminated/action_server", 1, verbose=False)
+
+        eventually(server_runs, "a server", test)
+        test.signal(signal.SIGTERM)
+        test.wait()
+        eventually(lambda: not server_runs(), "no server", test)
 
 
 if __name__ == "__main__":

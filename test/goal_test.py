@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""A goal: when it is accepted, how long it takes, and when another one takes its place."""
+"""A goal: when it is accepted, how long it takes, what comes of it, and when another one takes its place."""
 import time
 
 from actionlib_msgs.msg import GoalStatus
 from actions_tutorial.msg import WashTheDishesGoal
+from parameterized import parameterized
 import rospy
 import rostest
 
@@ -17,37 +18,32 @@ from support.states import ABORTED, PREEMPTED, RECALLED, SUCCEEDED
 class TestGoal(ActionTest):
 
     def wash(self, minutes):
-        """Send a goal and wait until it is over. Returns for how long that was (s)."""
-        begun = time.monotonic()
-        self.send(WashTheDishesGoal(number_of_minutes=minutes))
-        return time.monotonic() - begun
+        """Send a goal and wait until it is over. Returns its state and text, and the bowls of its result and of its
+        feedback."""
+        feedback = []
+        self.send(WashTheDishesGoal(number_of_minutes=minutes), feedback_cb=feedback.append)
+        return (self.client.get_state(), self.client.get_goal_status_text(), self.client.get_result().dishes_washed,
+                [one.last_dish_washed for one in feedback])
 
     def test_goal_is_accepted_and_active(self):
         states = []
         self.send(WashTheDishesGoal(number_of_minutes=1), active_cb=lambda: states.append(self.client.get_state()))
         self.assertEqual([GoalStatus.ACTIVE], states)
 
-    def test_no_minutes_succeed_at_once(self):
-        self.assertLess(self.wash(0), 0.7)
-        self.assertEqual(GoalStatus.SUCCEEDED, self.client.get_state())
+    @parameterized.expand([("none", 0), ("one", 1), ("three", 3)])
+    def test_minutes_take_as_many_seconds(self, _, minutes):
+        begun, text = time.monotonic(), rospy.get_param("text_succeeded", "")
+        self.assertEqual((SUCCEEDED, text, bowls(minutes), bowls(minutes)), self.wash(minutes))
+        self.assertAlmostEqual(minutes, time.monotonic() - begun, delta=0.7)
 
-    def test_one_minute_takes_one_second(self):
-        self.assertAlmostEqual(1, self.wash(1), delta=0.7)
-        self.assertEqual(GoalStatus.SUCCEEDED, self.client.get_state())
+    @parameterized.expand([("three", -3), ("least", -2**31)])
+    def test_negative_minutes_are_aborted_and_named(self, _, minutes):
+        text = "number_of_minutes is %d, must be 0 or more" % minutes
+        self.assertEqual((ABORTED, text, [], []), self.wash(minutes))
 
-    def test_three_minutes_take_three_seconds(self):
-        self.assertAlmostEqual(3, self.wash(3), delta=0.7)
-        self.assertEqual(GoalStatus.SUCCEEDED, self.client.get_state())
-
-    def test_negative_minutes_are_aborted_and_named(self):
-        self.wash(-3)
-        self.assertEqual(GoalStatus.ABORTED, self.client.get_state())
-        self.assertEqual("number_of_minutes is -3, must be 0 or more", self.client.get_goal_status_text())
-
-    def test_goal_after_an_aborted_one_succeeds(self):
-        self.wash(-2**31)
-        self.wash(0)
-        self.assertEqual(GoalStatus.SUCCEEDED, self.client.get_state())
+    def test_hasty_goals_all_end_one_after_the_other(self):
+        for minutes, state in (0, SUCCEEDED), (0, SUCCEEDED), (-1, ABORTED), (0, SUCCEEDED):
+            self.raw.check_outcome(self.raw.send(minutes), state, [])
 
     def test_rostopic_pub_sends_a_goal(self):
         raw = RawClient().wait_connected()  # which has seen no goal yet
@@ -60,19 +56,15 @@ class TestGoal(ActionTest):
         self.assertIn("  status: 3\n", str(result))  # as rostopic echo prints it
         self.assertEqual(bowls(5), result.result.dishes_washed)
 
-    def test_newer_goal_takes_over(self):
+    def test_newer_goal_takes_over_within_the_servers_time(self):
         older = self.raw.send(5)
-        self.raw.wait_bowls(older, 1)
+        self.raw.wait_bowls(older, 2)
         newer = self.raw.send(0)
-        self.assertEqual(PREEMPTED, self.raw.wait_result(older).status.status)
-        self.assertEqual(SUCCEEDED, self.raw.wait_result(newer).status.status)
-
-    def test_newer_goal_starts_within_the_servers_time(self):
-        self.raw.wait_bowls(self.raw.send(5), 1)
-        newer = self.raw.send(0)
-        self.raw.wait_result(newer)
+        self.raw.check_outcome(newer, SUCCEEDED, [])
+        status = self.raw.check_outcome(older, PREEMPTED, self.raw.bowls_of(older)).status
+        self.assertEqual(rospy.get_param("text_newer_goal", ""), status.text)
         waited = self.raw.times[newer, "result"] - self.raw.times[newer, "sent"]
-        self.assertLess(waited, rospy.get_param("stops_within", 2))
+        self.assertLess(waited, rospy.get_param("stops_within", 1.5))
 
     def test_last_of_many_goals_wins(self):
         *older, newest = [self.raw.send(minutes) for minutes in [5] * 9 + [0]]
@@ -103,11 +95,6 @@ class TestGoal(ActionTest):
         self.raw.wait_result(goal_id)
         self.raw.wait_result(self.raw.send(-1))  # after it, nothing comes of the second any more
         self.raw.check_outcome(goal_id, SUCCEEDED, ["bowl-0"])
-
-    def test_hasty_goals_all_succeed_one_after_the_other(self):
-        for _ in range(5):
-            self.raw.check_outcome(self.raw.send(0), SUCCEEDED, [])
-        self.raw.check_outcome(self.raw.send(-1), ABORTED, [])
 
 
 if __name__ == "__main__":
