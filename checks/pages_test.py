@@ -106,6 +106,13 @@ def test_files_of_the_lessons_are_the_repositorys():
         assert text == text_of(file), file
 
 
+def test_versions_agree():
+    stated = [re.search(words, text_of(file), re.M).group(1) for file, words in (
+        ("package.xml", "<version>(.*)</version>"), ("CHANGELOG.rst", r"^(\d[\d.]*) \("),
+        ("src/actions_tutorial/robust/__init__.py", '^__version__ = "(.*)"'))]
+    assert len(set(stated)) == 1, stated
+
+
 def test_layout():
     """The layout shown is that of the repository's root: names, two spaces, what they are."""
     if not os.path.exists(os.path.join(ROOT, ".git")):
