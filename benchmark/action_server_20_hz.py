@@ -8,7 +8,6 @@ import rospy
 class ActionServer:
 
     def __init__(self):
-        self.looks = 20  # times a second
         self.a_server = actionlib.SimpleActionServer(
             "wash_dishes_as", WashTheDishesAction, execute_cb=self.execute_cb, auto_start=False)
         self.a_server.start()
@@ -16,12 +15,12 @@ class ActionServer:
     def execute_cb(self, goal):
         result = WashTheDishesResult()
         feedback = WashTheDishesFeedback()
-        rate = rospy.Rate(self.looks)
+        rate = rospy.Rate(20)
         for minute in range(goal.number_of_minutes):
             feedback.last_dish_washed = "bowl-%d" % minute
             result.dishes_washed.append(feedback.last_dish_washed)
             self.a_server.publish_feedback(feedback)
-            for _ in range(self.looks):
+            for _ in range(20):
                 rate.sleep()
                 if self.a_server.is_preempt_requested():
                     self.a_server.set_preempted(result)
