@@ -407,7 +407,7 @@ class TestServer(ServerCase):
 
     def test_next_goal_starts_though_the_master_hangs(self):
         with Master() as master:
-            program = master.start(sys.executable, os.path.join(PROGRAMS, "next_goal.py"), stdin=subprocess.PIPE)
+            program = master.start(sys.executable, PROGRAMS, "next_goal", stdin=subprocess.PIPE)
             program.expect("executes 1")
             master.processes[0].signal(signal.SIGSTOP)
             program.type("\n")

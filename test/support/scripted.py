@@ -12,7 +12,7 @@ from std_msgs.msg import String
 from support.processes import Group, eventually
 
 TESTS = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
-PROGRAMS = os.path.join(TESTS, "robust", "programs")
+PROGRAMS = os.path.join(TESTS, "robust", "programs.py")
 
 
 def script(words, the_result=0):
@@ -23,16 +23,13 @@ def script(words, the_result=0):
 class Programs(Group):
     """Programs of the tests, on the master of the test."""
 
-    def __init__(self):
-        super().__init__(PYTHONPATH=os.pathsep.join([TESTS, os.environ.get("PYTHONPATH", "")]))
-
     def scripted_server(self, **env):
         """Start scripted_server.py. -> Process"""
         return self.start(sys.executable, os.path.join(TESTS, "support", "scripted_server.py"), **env)
 
     def program(self, name, *arguments, **env):
-        """Start programs/NAME.py. -> Process"""
-        return self.start(sys.executable, os.path.join(PROGRAMS, name + ".py"), *arguments, **env)
+        """Start programs.py NAME. -> Process"""
+        return self.start(sys.executable, PROGRAMS, name, *arguments, **env)
 
 
 class ScriptedCase(unittest.TestCase):
