@@ -2,7 +2,6 @@
 import contextlib
 import os
 import pathlib
-import random
 import shlex
 import shutil
 import subprocess
@@ -12,7 +11,7 @@ import pytest
 
 ROOT = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
 sys.path.insert(0, os.path.join(ROOT, "test"))
-from support.processes import Group, Master, eventually, run  # noqa: E402
+from support.processes import Group, Master, run  # noqa: E402
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -28,6 +27,7 @@ def workspace(tmp_path_factory):
     folder = tmp_path_factory.mktemp("workspace")
     variables = run(os.path.join(ROOT, "tutorial"), "shell", "env", "-u", "TUTORIAL_WS", "-u", "ROS_HOSTNAME", "-0",
                     TUTORIAL_WS=str(folder), timeout=600)
+    os.environ.clear()
     os.environ.update(pair.split("=", 1) for pair in variables.split("\0")[:-1])
     yield folder
     shutil.rmtree(str(folder))
@@ -58,56 +58,66 @@ def debian(tmp_path_factory):
         shutil.rmtree(str(folder))
 
 
+def copy_package(folder):
+    shutil.copytree(ROOT, str(folder), ignore=shutil.ignore_patterns(".git", "__pycache__"))
+
+
 def on_terminal(*command):
     """Returns the command (str …) that runs this one on a terminal of its own."""
     return ["script", "-qefc", "exec " + " ".join(map(shlex.quote, command)), "/dev/null"]
 
 
-class Machine(Group):
-    """A bare Debian, a copy of what the fixture debian made: a chroot on a tmpfs in namespaces of its own, which the
-    kernel removes when they end. path: its files, for us; tutorial: where it has ours; user: who runs its commands,
-    root or learner; env: for them."""
+class Namespaces(Group):
+    """Processes in namespaces of their own, which the kernel removes with their first process, a shell that ends with
+    us. kinds: --mount, --net, --pid (str); pid: the shell's; enter: the command that runs another one in there."""
+
+    def __init__(self, *kinds, **env):
+        super().__init__(**env)
+        shell = super().start("unshare", "--fork", *kinds, "bash", "-c", "echo there; read", stdin=subprocess.PIPE)
+        try:
+            shell.expect("there")
+        except AssertionError:
+            pytest.skip("this needs the right to make namespaces: %s" % shell.stderr)
+        self.pid = str(shell.usage.children()[0].pid)
+        self.enter = ["nsenter", *kinds, "--target", self.pid]
+
+    def start(self, *command, **options):
+        return super().start(*self.enter, *command, **options)
+
+
+class Machine(Namespaces):
+    """A bare Debian, a copy of what the fixture debian made: a chroot on a tmpfs. path: its files, for us; tutorial:
+    where it has ours; user: who runs its commands, root or learner."""
 
     def __init__(self, base, user="root", checkout="/srv/actions_tutorial"):
-        super().__init__()
-        self.user, self.tutorial, self.network = user, checkout + "/tutorial", []
-        # A process without a parent becomes a child of sleep, which does not wait for it: let the kernel do that.
-        namespaces = super().start("setpriv", "--pdeathsig", "KILL", "unshare", "--mount", "--pid", "--fork",
-                                   "--kill-child", "env", "--ignore-signal=CHLD", "sleep", "infinity")
-        self.init = eventually(lambda: [child.pid for child in namespaces.usage.children() if child.name() == "sleep"],
-                               "a machine", namespaces)[0]
-        self.path = pathlib.Path("/proc", str(self.init), "root", "mnt")
-        self.enter = ["nsenter", "--mount", "--pid", "--target", str(self.init)]
+        super().__init__("--mount", "--pid")
+        self.user, self.tutorial = user, checkout + "/tutorial"
+        self.path = pathlib.Path("/proc", self.pid, "root", "mnt")
         # A limit, not what it takes; rosbag warns below 5 GB.
         for command in ("mount -t tmpfs -o size=16G,mode=755 tmpfs /mnt", "cp -a %s/. /mnt" % base,
                         "mount -t proc proc /mnt/proc", "mount --rbind --make-rslave /dev /mnt/dev"):
             run(*self.enter, *command.split())
-        # The network is the host's, where a master may run already.
-        self.env = dict(ROS_MASTER_URI="http://localhost:%d" % random.randrange(20000, 30000))
         # An ordinary user, with another python3 in front.
         self.run("useradd", "--create-home", "--shell", "/bin/bash", "learner", user="root")
         python = self.path / "home/learner/python/bin/python3"
         python.parent.mkdir(parents=True)
         python.write_text("#!/bin/sh\nexit 99\n")
         python.chmod(0o755)
-        # What git has or would add; only root may write there.
-        names = run("git", "-c", "safe.directory=*", "-C", ROOT, "ls-files", "--cached", "--others",
-                    "--exclude-standard").splitlines()
-        folder = self.path / checkout[1:]
-        for name in filter(lambda name: os.path.exists(os.path.join(ROOT, name)), names):
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(os.path.join(ROOT, name), str(folder / name))
-        run("chmod", "-R", "go-w", str(folder))
+        # Only root may write there.
+        copy_package(self.path / checkout[1:])
+        self.run("chmod", "-R", "go-w", checkout, user="root")
 
-    def start(self, *command, user=None, terminal=False, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, **env):
-        """Start a command (str …) with no variables but a few usual ones, the machine's env and env. -> Process"""
-        learner = (user or self.user) == "learner"
-        home, first = ("/home/learner", "/home/learner/python/bin:") if learner else ("/root", "/usr/sbin:/sbin:")
-        words = ["chroot", "/mnt"] + learner * ["setpriv", "--reuid=learner", "--regid=learner", "--init-groups"]
-        words += ["env", "-i", "HOME=" + home, "LANG=C.UTF-8", "PATH=%s/usr/bin:/bin" % first]
-        words += ["%s=%s" % pair for pair in dict(self.env, **env).items()] + list(command)
-        return super().start(*self.enter, *self.network, *(on_terminal(*words) if terminal else words),
-                             stdin=stdin, stderr=stderr)
+    def start(self, *command, user=None, terminal=False, offline=False, stdin=subprocess.DEVNULL,
+              stderr=subprocess.PIPE, **env):
+        """Start a command (str …) with no variables but a few usual ones and env, on a terminal or not; offline: with
+        no network but its loopback. -> Process"""
+        user = user or self.user
+        home = "/root" if user == "root" else "/home/" + user
+        words = ["chroot", "--userspec=" + user, "/mnt", "env", "-i", "HOME=" + home, "LANG=C.UTF-8",
+                 "PATH=%s/python/bin:/usr/sbin:/usr/bin:/sbin:/bin" % home]
+        words += ["%s=%s" % pair for pair in env.items()] + list(command)
+        network = ["unshare", "--net", "sh", "-c", 'ip link set lo up && exec "$@"', "-"] if offline else []
+        return super().start(*network, *(on_terminal(*words) if terminal else words), stdin=stdin, stderr=stderr)
 
     def run(self, *command, status=0, timeout=900, **options):
         """Run a command to its end. -> Process; AssertionError if its status is another."""
@@ -120,15 +130,6 @@ class Machine(Group):
         if not (self.path / "usr/bin/sudo").exists():
             self.run("sh", "-c", "apt-get update && apt-get install -y --no-install-recommends sudo", user="root")
         (self.path / "etc/sudoers.d/learner").write_text("learner ALL=(ALL) %s\n" % how)
-
-    @contextlib.contextmanager
-    def offline(self):
-        """With no network but its loopback."""
-        self.network = ["unshare", "--net", "sh", "-c", 'ip link set lo up && exec "$@"', "-"]
-        try:
-            yield
-        finally:
-            self.network = []
 
     @contextlib.contextmanager
     def changed(self, file, change=None):

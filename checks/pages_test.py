@@ -1,9 +1,9 @@
-"""What the pages say, without typing it: links, quotes, states, pictures, the layout; and that the action, the service
-and the programs of the lessons end as this repository's files.
+"""What the pages say, without typing it: links, quotes, states, pictures; and that the action, the service and the
+programs of the lessons end as this repository's files.
 
 A block of code is quoted from the file that is linked last in the line above it, or else from the file of the block
 before it. "The whole file [NAME](PATH):" stands above a block that has all of it; in others … on a line stands for
-lines left out. typed_pages_test.py tries the blocks that a reader saves.
+lines left out. pages_typed_test.py tries the blocks that a reader saves.
 """
 import difflib
 import json
@@ -111,16 +111,6 @@ def test_versions_agree():
         ("package.xml", "<version>(.*)</version>"), ("CHANGELOG.rst", r"^(\d[\d.]*) \("),
         ("src/actions_tutorial/robust/__init__.py", '^__version__ = "(.*)"'))]
     assert len(set(stated)) == 1, stated
-
-
-def test_layout():
-    """The layout shown is that of the repository's root: names, two spaces, what they are."""
-    if not os.path.exists(os.path.join(ROOT, ".git")):
-        pytest.skip("this needs a git repository")
-    tracked = run("git", "-c", "safe.directory=*", "-C", ROOT, "ls-files").splitlines()
-    real = {re.sub("/.*", "/", name) for name in tracked if not name.startswith(".")}
-    text = next(text for _, _, above, text in blocks_of("CONTRIBUTING.md") if "**Layout**" in above)
-    assert set(" ".join(re.findall(r"^(.*?)  ", text, re.M)).split()) == real
 
 
 def test_states():

@@ -11,10 +11,10 @@ import time
 
 import pytest
 
-from conftest import ROOT
+from conftest import ROOT, Namespaces
 from support.printed import bowls
 from support.processes import Group, run
-from typed_pages_test import edit, pattern_of, steps_of
+from pages_typed_test import edit, pattern_of, steps_of
 
 pytestmark = pytest.mark.needs("root", "ip", "nsenter")
 PAGE = "doc/ros2.md"
@@ -118,13 +118,10 @@ def installed(tmp_path_factory):
     python = python_3_12() or pytest.skip("this needs a Python 3.12, as the wheels of ROS 2 Jazzy do")
     home = tmp_path_factory.mktemp("ros2")
     try:
-        with Group() as namespaces:
-            # A network and a shared memory of their own: nothing else is reached, and nothing stays of what is killed.
-            holder = namespaces.start("setpriv", "--pdeathsig", "KILL", "unshare", "--net", "--mount", "sh", "-c",
-                                      "ip link set lo up && mount -t tmpfs tmpfs /dev/shm && echo there && "
-                                      "exec sleep infinity")
-            holder.expect("there")
-            yield Ros2(home, python, ["nsenter", "--net", "--mount", "--target", str(holder.usage.pid)])
+        # A network and a shared memory of their own: nothing else is reached, and nothing stays of what is killed.
+        with Namespaces("--net", "--mount") as namespaces:
+            run(*namespaces.enter, "sh", "-c", "ip link set lo up && mount -t tmpfs tmpfs /dev/shm")
+            yield Ros2(home, python, namespaces.enter)
     finally:
         shutil.rmtree(str(home))
 

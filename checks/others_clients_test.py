@@ -8,9 +8,9 @@ from support.printed import bowls
 from support.processes import eventually, run
 
 HERE = os.path.dirname(os.path.realpath(__file__))
-# axclient.py: its window's size, and its parts' places in it, pixels from the top or, negative, from the bottom
+# axclient.py: its window's size, and its parts' places in it, pixels from the top
 WIDTH, HEIGHT = 420, 480
-GOAL, FEEDBACK, RESULT, SEND = 60, 190, 320, -85
+GOAL, FEEDBACK, RESULT, SEND = 60, 190, 320, 395
 
 
 @pytest.fixture
@@ -39,26 +39,23 @@ def test_axclient_sends_a_goal_and_shows_the_result(served):
     screen = served.start("Xvfb", "-displayfd", "1", "-screen", "0", "%dx%dx24" % (WIDTH, HEIGHT), "-nolisten", "tcp")
     display = {"DISPLAY": ":" + screen.expect(r"^(\d+)$").group(1)}
     gui = served.start("rosrun", "actionlib_tools", "axclient.py", "/wash_dishes_as", **display)
-    window = run("xdotool", "search", "--sync", "--onlyvisible", "--name", "GUI Client", **display).split()[0]
-    run("xdotool", "windowsize", "--sync", window, str(WIDTH), str(HEIGHT), **display)
 
-    def connected():
-        connections = run("rosnode", "info", "/robust_action_server", **served.env)
-        return re.search(r"topic: /wash_dishes_as/result\n +\* to: /axclient", connections)
+    def xdotool(*words):
+        return run("xdotool", *map(str, words), **display)
 
-    def mouse_click(y, *keys):
-        """Click at y, then press keys."""
-        run("xdotool", "mousemove", "--window", window, str(WIDTH // 2), str(y % HEIGHT), "click", "1", **display)
-        if keys:
-            run("xdotool", *keys, **display)
+    def click(y, *words):
+        xdotool("mousemove", "--window", window, WIDTH // 2, y, "click", 1, *words)
 
     def text_of_box(y):
-        mouse_click(y, "key", "ctrl+a", "key", "ctrl+c", "key", "End")
+        click(y, "key", "ctrl+a", "ctrl+c", "End")
         return run("xclip", "-o", "-selection", "clipboard", **display)
 
-    eventually(connected, "axclient connected", gui)
-    mouse_click(GOAL, "key", "ctrl+a", "type", "number_of_minutes: 3")
+    window = xdotool("search", "--sync", "--onlyvisible", "--name", "GUI Client").split()[0]
+    xdotool("windowsize", "--sync", window, WIDTH, HEIGHT)
+    eventually(lambda: re.search(r"topic: /wash_dishes_as/result\n +\* to: /axclient",
+                                 run("rosnode", "info", "/robust_action_server", **served.env)), "it connected", gui)
+    click(GOAL, "key", "ctrl+a", "type", "number_of_minutes: 3")
     eventually(lambda: text_of_box(GOAL).strip() == "number_of_minutes: 3", "the goal in its box", gui)
-    mouse_click(SEND)
+    click(SEND)
     eventually(lambda: re.findall(r"bowl-\d+", text_of_box(RESULT)) == bowls(3), "the bowls in the result's box", gui)
     assert "bowl-2" in text_of_box(FEEDBACK)

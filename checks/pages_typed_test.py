@@ -38,6 +38,13 @@ KEYS = {"TAB": "\t", "BACKSPACE": "\x7f"}
 # Goals that are over at once: actionlib's client may miss the outcome (ros/actionlib #206). The pages say that one then
 # presses Ctrl-C and runs the client again.
 OVER_AT_ONCE = re.compile(r"rosrun .*_client\.py( -3| 101)?$")
+# The page's roscore uses the usual port, which somebody may be using.
+BASHRC = """PS1="%s" port=%d
+bind 'set enable-bracketed-paste off'
+for setup in /opt/ros/{noetic,one}/setup.bash; do [[ ! -f $setup ]] || source $setup; done
+export ROS_MASTER_URI=http://localhost:$port ROS_HOSTNAME=localhost
+roscore() { command roscore -p $port "$@"; }
+"""
 
 
 def steps_of(page, left_out=()):
@@ -181,29 +188,21 @@ class Terminal:
         self.shell.close()
 
 
-def make_home(home, port):
-    """Write what a user's shell reads. Returns the environment of a terminal, which has no ROS. port: the master's."""
-    with open(os.path.join(home, ".bashrc"), "w", encoding="utf-8") as bashrc:
-        # The page's roscore uses the usual port, which somebody may be using.
-        bashrc.write("PS1=%r; bind 'set enable-bracketed-paste off'; roscore() { command roscore -p %d \"$@\"; }\n"
-                     "for setup in /opt/ros/{noetic,one}/setup.bash; do [[ ! -f $setup ]] || source $setup; done\n"
-                     "export ROS_MASTER_URI=http://localhost:%d ROS_HOSTNAME=localhost\n" % (PROMPT, port, port))
+@pytest.fixture
+def home(tmp_path):
+    """A home of its own, with this repository as dishes. -> its folder (pathlib.Path), the environment of a terminal,
+    which has no ROS"""
+    (tmp_path / "dishes").symlink_to(ROOT)
     environment = {name: value for name, value in os.environ.items()
                    if not re.match("ROS|CMAKE_PREFIX_PATH|LD_LIBRARY_PATH|PKG_CONFIG_PATH|PYTHON", name)}
     # The page's files go to ~, which is not the user's here; the workspace of ./tutorial is where it always is.
     cache = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     # ROS_HOME: rospack does not go by HOME, but by what the system knows of the user.
-    environment.update(HOME=home, ROS_HOME=home + "/.ros", XDG_CACHE_HOME=cache, TERM="dumb", LC_ALL="C.UTF-8",
-                       PYTHONDONTWRITEBYTECODE="1")
-    return environment
-
-
-@pytest.fixture
-def home(tmp_path):
-    """A home of its own, with this repository as dishes. -> its folder (pathlib.Path), the environment of a terminal"""
-    (tmp_path / "dishes").symlink_to(ROOT)
+    environment.update(HOME=str(tmp_path), ROS_HOME="%s/.ros" % tmp_path, XDG_CACHE_HOME=cache, TERM="dumb",
+                       LC_ALL="C.UTF-8", PYTHONDONTWRITEBYTECODE="1")
     with bound_socket() as bound:
-        yield tmp_path, make_home(str(tmp_path), bound.getsockname()[1])
+        (tmp_path / ".bashrc").write_text(BASHRC % (PROMPT, bound.getsockname()[1]))
+        yield tmp_path, environment
     shutil.rmtree(str(tmp_path))
 
 
