@@ -10,7 +10,6 @@ import subprocess
 import sys
 import threading
 import time
-import unittest
 import weakref
 
 import actionlib
@@ -25,9 +24,9 @@ from actions_tutorial import robust
 from actions_tutorial.msg import WashTheDishesAction
 
 sys.path.insert(0, os.path.realpath(__file__ + "/../.."))  # test/, where support is
-from support.processes import Master, eventually
-from support.raw_client import RawClient
+from support.processes import Master
 from support.scripted import PROGRAMS, ScriptedCase, script
+from support.server_case import ServerCase
 from support.states import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
 
 LIBRARY = actionlib if os.environ.get("ACTIONLIB") == "plain" else robust
@@ -281,43 +280,9 @@ class TestClient(ScriptedCase):
         self.assertEqual(list(range(20)), results)
 
 
-class TestServer(unittest.TestCase):
+class TestServer(ServerCase):
 
-    @classmethod
-    def setUpClass(cls):
-        rospy.init_node("test")
-
-    def setUp(self):
-        self.namespace, self.started, self.free = "/" + self.id().split(".")[-1], [], threading.Event()
-        self.addCleanup(lambda: self.server.__del__())  # or the thread of actionlib's server goes on
-        self.addCleanup(self.free.set)
-
-    def make(self, kind=None, execute_cb=None, auto_start=False):
-        """Make self.server: of this class instead of the library's, without a callback if execute_cb is False."""
-        callback = None if execute_cb is False else execute_cb or self.work
-        self.server = (kind or LIBRARY.SimpleActionServer)(
-            self.namespace + "/wash_dishes_as", WashTheDishesAction, callback, auto_start)
-
-    def connect(self):
-        self.server.action_server.started or self.server.start()
-        self.client = RawClient(self.namespace)
-        self.addCleanup(self.client.close)
-        self.client.wait_connected()
-
-    def work(self, goal):
-        """An execute_cb: 0 minutes SUCCEED at once, others when self.free is set."""
-        self.started.append(goal.number_of_minutes)
-        if goal.number_of_minutes:
-            self.free.wait(30)
-        self.server.set_succeeded()
-
-    def send_started(self, minutes):
-        goal = self.client.send(minutes)
-        eventually(lambda: minutes in self.started, "the goal started", self.client)
-        return goal
-
-    def expect(self, goal, state):
-        self.assertEqual(state, self.client.wait_result(goal).status.status, self.client)
+    library = LIBRARY
 
     # Subclasses
 
@@ -328,8 +293,7 @@ class TestServer(unittest.TestCase):
             def start(self):
                 calls.append("start")
 
-        self.make(Subclass, auto_start=True)
-        self.connect()
+        self.serve(self.work_until_free, kind=Subclass, auto_start=True)
         self.expect(self.client.send(0), SUCCEEDED)
         self.assertEqual([], calls)
 
@@ -340,11 +304,8 @@ class TestServer(unittest.TestCase):
             def set_preempted(self, *_):
                 calls.append("set_preempted")
 
-        self.make(Subclass, execute_cb=False)
-        self.server.register_goal_callback(self.server.accept_new_goal)
-        self.connect()
-        older = self.client.send(1)
-        self.client.wait(lambda: ACTIVE in self.client.states.get(older, []), "an active goal")
+        self.serve(goal_cb=self.accept, kind=Subclass)
+        older = self.send_active(1)
         self.client.send(2)
         self.expect(older, PREEMPTED)
         self.assertEqual([], calls)
@@ -366,96 +327,9 @@ class TestServer(unittest.TestCase):
         def execute_cb(_):
             raise ValueError("out of soap")
 
-        self.make(Subclass, execute_cb)
-        self.connect()
-        goal = self.client.send(0)
-        self.expect(goal, ABORTED)
+        self.serve(execute_cb, kind=Subclass)
+        self.expect(self.client.send(0), ABORTED)
         self.assertEqual([ACTIVE], acquired, "before the goal was over")
-
-    def test_server_with_a_lock_of_its_own_serves_goals(self):
-        self.check_lock(threading.Lock())
-
-    def test_server_with_an_rlock_of_its_own_serves_goals(self):
-        self.check_lock(threading.RLock())
-
-    def check_lock(self, lock):
-        self.make()
-        self.server.lock = lock
-        self.connect()
-        goal = self.send_started(1)
-        self.client.cancel(goal)
-        self.client.wait(lambda: self.server.is_preempt_requested(), "a cancel")
-        self.free.set()
-        self.expect(goal, SUCCEEDED)
-        self.expect(self.client.send(0), SUCCEEDED)
-        self.server.set_preempted()  # no goal runs: an error in the log, and no deadlock
-
-    def test_goal_callbacks_with_a_lock_of_its_own(self):
-        self.make(execute_cb=False)
-        self.server.lock = threading.Lock()
-        self.server.register_goal_callback(lambda: self.started.append(self.server.accept_new_goal().number_of_minutes))
-        self.connect()
-        older = self.send_started(1)
-        newer = self.send_started(2)
-        self.expect(older, PREEMPTED)
-        self.server.set_preempted()
-        self.expect(newer, PREEMPTED)
-
-    # The end of a server
-
-    def test_del_ends_the_execution_of_goals(self):
-        self.make()
-        self.connect()
-        self.expect(self.client.send(0), SUCCEEDED)
-        self.server.__del__()
-        self.assertFalse(self.server.execute_thread.is_alive())
-        goal = self.client.send(1)
-        self.client.wait(lambda: goal in self.client.states, "the goal in the status")
-        self.assertEqual([0], self.started)
-
-    def test_del_returns_when_the_goal_that_runs_is_over(self):
-        self.make()
-        self.connect()
-        goal = self.send_started(1)
-        thread = threading.Thread(target=self.server.__del__, daemon=True)
-        thread.start()
-        thread.join(0.5)
-        self.assertTrue(thread.is_alive())
-        self.free.set()
-        thread.join(30)
-        self.assertFalse(thread.is_alive())
-        self.expect(goal, SUCCEEDED)
-
-    def test_del_without_execute_cb_returns_at_once(self):
-        self.make(execute_cb=False)
-        self.server.__del__()
-
-    # Attributes
-
-    def test_preempt_request_of_the_program_is_read(self):
-        self.make()
-        self.connect()
-        self.send_started(1)
-        self.assertIs(False, self.server.is_preempt_requested())
-        self.server.preempt_request = True
-        self.assertIs(True, self.server.is_preempt_requested())
-        self.free.set()
-
-    def test_subclass_of_the_same_name_has_private_names(self):
-        class SimpleActionServer(LIBRARY.SimpleActionServer):
-
-            def __execute(self, goal):
-                self.set_succeeded()
-
-            __running_goal = __call_goal_callback = __is_terminating = __execute
-
-            def execute(self, goal):
-                self.__execute(goal)
-
-        self.make(SimpleActionServer, lambda goal: self.server.execute(goal))
-        self.connect()
-        for _ in range(2):
-            self.expect(self.client.send(0), SUCCEEDED)
 
     def test_server_with_an_action_server_of_its_own_serves_goals(self):
         class Subclass(LIBRARY.SimpleActionServer):
@@ -465,23 +339,57 @@ class TestServer(unittest.TestCase):
                 self.action_server = actionlib.ActionServer(
                     name, WashTheDishesAction, self.internal_goal_callback, self.internal_preempt_callback, False)
 
-        self.make(Subclass)
-        self.connect()
-        older = self.send_started(1)
+        self.serve(self.work_until_free, kind=Subclass)
+        older = self.send_active(1)
         newer = self.client.send(0)
         self.client.wait(lambda: self.server.is_preempt_requested(), "a newer goal")
         self.free.set()
-        self.expect(older, SUCCEEDED)
+        self.expect(older, PREEMPTED)
         self.expect(newer, SUCCEEDED)
 
-    def test_next_goal_starts_though_the_master_hangs(self):
-        self.make()
-        with Master() as master:
-            program = master.start(sys.executable, os.path.join(PROGRAMS, "next_goal.py"), stdin=subprocess.PIPE)
-            program.expect("executes 1")
-            master.processes[0].signal(signal.SIGSTOP)
-            program.type("\n")
-            program.expect("executes 2", timeout=10)
+    # A lock that the program puts in the place of actionlib's
+
+    def test_execute_cb_with_a_lock_of_its_own(self):
+        self.serve(self.work_until_free)
+        self.server.lock = threading.Lock()
+        goal = self.send_active(1)
+        self.client.cancel(goal)
+        self.client.wait(lambda: self.server.is_preempt_requested(), "a cancel")
+        self.free.set()
+        self.expect(goal, PREEMPTED)
+        self.expect(self.client.send(0), SUCCEEDED)
+        self.server.set_preempted()  # no goal runs: an error in the log, and no deadlock
+
+    def test_goal_callbacks_with_a_lock_of_its_own(self):
+        self.serve(goal_cb=self.accept)
+        self.server.lock = threading.Lock()
+        older, newer = self.send_active(1), self.send_active(2)
+        self.expect(older, PREEMPTED)
+        self.server.set_preempted()
+        self.expect(newer, PREEMPTED)
+
+    # The end of a server, and its attributes
+
+    def test_del_waits_for_the_goal_that_runs_and_no_other_starts(self):
+        self.serve(self.work_until_free)
+        goal = self.send_active(1)
+        thread = threading.Thread(target=self.server.__del__, daemon=True)
+        thread.start()
+        thread.join(0.5)
+        self.assertTrue(thread.is_alive())
+        self.free.set()
+        thread.join(30)
+        self.assertFalse(thread.is_alive() or self.server.execute_thread.is_alive())
+        self.expect(goal, PREEMPTED)
+        self.send_waiting(2)
+        self.assertEqual([1], self.started)
+
+    def test_preempt_request_of_the_program_is_read(self):
+        self.serve(self.work_until_free)
+        self.send_active(1)
+        self.assertIs(False, self.server.is_preempt_requested())
+        self.server.preempt_request = True
+        self.assertIs(True, self.server.is_preempt_requested())
 
     def test_execute_condition_may_be_waited_on_by_the_program(self):
         waits = threading.Event()
@@ -491,12 +399,19 @@ class TestServer(unittest.TestCase):
                 waits.set()
                 self.server.execute_condition.wait(30)
 
-        self.make()
-        self.connect()
+        self.serve(self.work_until_free)
         threading.Thread(target=wait, daemon=True).start()
         self.assertTrue(waits.wait(30))
         for _ in range(2):  # a notification for one thread would miss that of execute_cb once
             self.expect(self.client.send(0), SUCCEEDED)
+
+    def test_next_goal_starts_though_the_master_hangs(self):
+        with Master() as master:
+            program = master.start(sys.executable, os.path.join(PROGRAMS, "next_goal.py"), stdin=subprocess.PIPE)
+            program.expect("executes 1")
+            master.processes[0].signal(signal.SIGSTOP)
+            program.type("\n")
+            program.expect("executes 2", timeout=10)
 
 
 if __name__ == "__main__":
