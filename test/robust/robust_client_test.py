@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """robust.SimpleActionClient: one test for each thing that it does other than actionlib's.
 
-The server is programs/scripted_server.py. Each goal is a script of what it does: `ACTIVE go result:SUCCEEDED`.
+The server is support/scripted_server.py. Each goal is a script of what it does: `ACTIVE go result:SUCCEEDED`.
 """
 import ctypes
 import gc
@@ -72,11 +72,13 @@ class TestRobustClient(ScriptedCase):
     # The goal handle
 
     def test_gh_shows_the_raw_status_and_get_state_folds_it(self):
-        self.send("ACTIVE cancel PREEMPTING silent unlisted feedback go result:PREEMPTED", 4)
+        self.send("ACTIVE cancel PREEMPTING go silent unlisted feedback go result:PREEMPTED", 4)
         self.wait_state(ACTIVE)
         handle = self.client.gh
         self.assertEqual(CommState.ACTIVE, handle.get_comm_state())
         handle.cancel()
+        self.eventually(lambda: handle.get_comm_state() == CommState.PREEMPTING, "PREEMPTING")
+        self.go()
         self.eventually(lambda: self.feedback, "feedback, which says ACTIVE")
         self.assertEqual((ACTIVE, PREEMPTING, CommState.PREEMPTING, None), (
             self.client.get_state(), handle.get_goal_status(), handle.get_comm_state(), handle.get_result()))
@@ -89,7 +91,7 @@ class TestRobustClient(ScriptedCase):
     @parameterized.expand([("stop_tracking_goal", lambda client: client.stop_tracking_goal()),
                            ("gh_set_to_none", lambda client: setattr(client, "gh", None))])
     def test_goal_that_is_no_longer_tracked_goes_on(self, _, stop_tracking):
-        self.send("ACTIVE go feedback result:ABORTED", 1)
+        self.send("ACTIVE go feedback 0.2 result:ABORTED", 1)
         self.wait_state(ACTIVE)
         kept = self.client.gh
         stop_tracking(self.client)
@@ -179,7 +181,7 @@ class TestRobustClient(ScriptedCase):
         self.assertTrue(seconds - 0.05 < time.monotonic() - begun < seconds + 0.4)
 
     @parameterized.expand([("zero", 0), ("empty_duration", rospy.Duration()), ("infinity", math.inf)])
-    def test_no_limit(self, _, timeout):
+    def test_timeout_that_is_no_limit(self, _, timeout):
         self.assertTrue(self.client.wait_for_server(timeout))
         goal = script("ACTIVE 0.3 result:SUCCEEDED")
         self.assertEqual(SUCCEEDED, self.client.send_goal_and_wait(goal, timeout, timeout))
