@@ -1,4 +1,5 @@
-"""What tests of clients share: the action `scripted`, which programs/scripted_server.py serves as each goal says."""
+"""What tests of clients share: the action `scripted`, which scripted_server.py serves as each goal says."""
+import gc
 import os
 import sys
 import unittest
@@ -108,6 +109,10 @@ class ScriptedCase(unittest.TestCase):
         self.assertEqual(state, self.client.get_state(), self.client.get_goal_status_text())
         if the_result is not None:
             self.assertEqual(the_result, self.client.get_result().the_result)
+
+    def wait_freed(self, reference):
+        """Wait until the object of a weakref is freed."""
+        self.eventually(lambda: gc.collect() and False or not reference(), "it is freed")
 
     def wait_log(self, text):
         """Wait for a line of log of this node that holds text."""
