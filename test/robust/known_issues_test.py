@@ -35,7 +35,7 @@ class TestKnownIssues(ScriptedCase):
     patience = 5
 
     def finding(self, name, *arguments, simulated=True, status=0):
-        """Run programs/known_issue.py, in simulated time. Returns what it prints last."""
+        """Run a program of known_issue in programs.py, in simulated time. Returns what it prints last."""
         programs = Programs()
         self.addCleanup(programs.stop)
         if simulated:

@@ -30,19 +30,12 @@ library = actionlib if os.environ.get("ACTIONLIB") == "plain" else robust
 
 # Servers
 
-def driver(kind):
-    """A robust server, driver, that prints "executes" for each goal.
-
-    kind: crashes: the program ends at once, with exit status 1. busy: works as many seconds in its goal callback, which
-    publishes no status meanwhile.
-    """
+def crashing_driver():
+    """A robust server, driver, that prints "executes" for a goal, and crashes with exit status 1."""
     def goal_cb():
-        goal = server.accept_new_goal()
+        server.accept_new_goal()
         print("executes", flush=True)
-        if kind == "crashes":
-            os._exit(1)
-        time.sleep(goal.number_of_minutes)
-        server.set_succeeded()
+        os._exit(1)
 
     rospy.init_node("driver")
     server = robust.SimpleActionServer("driver", WashTheDishesAction, auto_start=False)
@@ -121,29 +114,9 @@ def shutdown_client(words, how, hook="0"):
     print(over, NAMES[client.get_state()], client.get_failure(), flush=True)
 
 
-def client_cases(name):
-    """Calls the function name, one of the next three."""
-    rospy.init_node("client_cases", anonymous=True)
-    globals()[name]()
-
-
-def forgotten_client():
-    """Nobody holds the client of a goal that is cancelled on shutdown."""
-    def send():
-        active = threading.Event()
-        client = robust.SimpleActionClient("scripted", TestRequestAction, cancel_on_shutdown=True)
-        client.wait_for_server()
-        client.send_goal(TestRequestGoal(result_text="ACTIVE cancel result:PREEMPTED"), active_cb=active.set)
-        active.wait()
-
-    send()
-    gc.collect()
-    print("sent", flush=True)
-    rospy.spin()
-
-
 def shutdown_while_connections_settle():
     """The node is shut down just after the server was connected."""
+    rospy.init_node("shutdown")
     client = robust.SimpleActionClient("scripted", TestRequestAction)
 
     def shut_down():
@@ -157,6 +130,8 @@ def shutdown_while_connections_settle():
 
 def goal_at_exit_without_threads():
     """A goal with a heartbeat_timeout is sent while the interpreter ends and starts no more threads."""
+    rospy.init_node("goal")
+
     def send():
         threading.stack_size(1 << 46)  # no computer has that memory
         client.send_goal(TestRequestGoal())

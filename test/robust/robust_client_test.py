@@ -158,7 +158,7 @@ class TestRobustClient(ScriptedCase):
         self.assertEqual(([(SUCCEEDED, 3)], 1), (self.done, len(self.goals)), "done_cb needs no thread of its own")
 
     def test_send_goal_at_exit_raises_nothing_without_a_thread(self):
-        program = self.programs.program("client_cases", "goal_at_exit_without_threads")
+        program = self.programs.program("goal_at_exit_without_threads")
         program.expect("sent")
         self.assertEqual(0, program.wait(), program)
 
@@ -265,7 +265,7 @@ class TestRobustClient(ScriptedCase):
             program.expect(r"^False 7\.", timeout=20)
 
     def test_shutdown_while_connections_settle_is_false(self):
-        program = self.programs.program("client_cases", "shutdown_while_connections_settle")
+        program = self.programs.program("shutdown_while_connections_settle")
         program.expect("^False interrupted while waiting for the server of /scripted")
         program.wait()
 

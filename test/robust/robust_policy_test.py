@@ -46,13 +46,13 @@ class TestRobustPolicy(ScriptedCase):
         self.assertEqual(([], 1), (self.cancels, len(self.goals)))
 
     def test_driver_that_crashes_and_is_respawned_executes_once(self):
-        driver = self.programs.program("driver", "crashes", ROS_NAMESPACE="/crashes")
+        driver = self.programs.program("crashing_driver", ROS_NAMESPACE="/crashes")
         client = robust.SimpleActionClient("crashes/driver", WashTheDishesAction)
         self.assertTrue(client.wait_for_server(30))
         client.send_goal(WashTheDishesGoal(1))
         self.assertEqual(1, driver.wait())
         self.assertIn("executes", driver.stdout)
-        respawned = self.programs.program("driver", "crashes", ROS_NAMESPACE="/crashes")
+        respawned = self.programs.program("crashing_driver", ROS_NAMESPACE="/crashes")
         respawned.expect("ready")
         client.wait_for_result(5)
         self.assertTrue(respawned.running())
