@@ -131,6 +131,7 @@ class Terminal:
                 self.enter(step)
                 if OVER_AT_ONCE.match(typed) and not self.wait(lambda: self.text.strip(), 20):
                     self.shell.send("\x03")
+                    self.may_go_on = True
                     self.finish(step)
                     self.shell.send(keys)
                     self.enter(step)
