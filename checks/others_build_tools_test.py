@@ -1,12 +1,13 @@
 """The package built by each build tool of ROS 1, with the system's python3 first on the PATH or a foreign one; and used
 from the install space after the sources are gone."""
 import os
+import pathlib
 import re
 import shutil
 
 import pytest
 
-from conftest import copy_package
+from conftest import ROOT, copy_package
 from support.printed import bowls, printed_bowls
 from support.processes import Process, run
 
@@ -64,3 +65,10 @@ def test_it_builds_without_a_warning_and_runs(space, commands, path, master, tmp
                               "robust:=" + robust)
         # The result only: actionlib's client may miss the first feedback on a busy machine.
         assert (client.wait(), printed_bowls(client)[1]) == (0, bowls(1)), str(client)
+
+
+def test_tutorial_installs_what_package_xml_names():
+    named, installed = (
+        set(re.findall(words, pathlib.Path(ROOT, file).read_text(encoding="utf-8"))) for file, words in (
+            ("package.xml", "<test_depend>(python3-.*)</"), ("tutorial", r"python3-[\w-]+")))
+    assert named <= installed
