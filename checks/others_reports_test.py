@@ -1,4 +1,5 @@
-"""The table of doc/known_issues.md names the tests that fail on plain actionlib, and no others."""
+"""The table of doc/known_issues.md names all tests of known_issues_test.py, and each fails on plain actionlib, but for
+those that do so by chance."""
 import os
 import re
 

@@ -41,7 +41,7 @@ class TestGoal(ActionTest):
         text = "number_of_minutes is %d, must be 0 or more" % minutes
         self.assertEqual((ABORTED, text, [], []), self.wash(minutes))
 
-    def test_hasty_goals_all_end_one_after_the_other(self):
+    def test_goals_that_are_over_at_once_all_have_an_outcome(self):
         for minutes, state in (0, SUCCEEDED), (0, SUCCEEDED), (-1, ABORTED), (0, SUCCEEDED):
             self.raw.check_outcome(self.raw.send(minutes), state, [])
 
@@ -73,7 +73,7 @@ class TestGoal(ActionTest):
             self.assertIn(self.raw.wait_result(goal_id).status.status, [PREEMPTED, RECALLED])
         self.assertEqual(1, self.raw.active_at_once)
 
-    def test_goal_cancelled_while_it_waits_is_not_washed(self):
+    def test_goal_cancelled_while_it_waits_washes_one_bowl_at_most(self):
         older = self.raw.send(5)
         self.raw.wait_bowls(older, 1)
         newer = self.raw.send(5)

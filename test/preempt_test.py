@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Preempting: a cancel stops the goal, which keeps the bowls washed so far."""
+"""Cancels: of the goal that runs, which keeps the bowls washed so far; and those that change nothing."""
 import time
 
 from actionlib_msgs.msg import GoalStatus
@@ -31,6 +31,7 @@ class TestPreempt(ActionTest):
         self.assertTrue(self.client.wait_for_result(rospy.Duration(20)), "no outcome")
         self.assertEqual((state, washed), (self.client.get_state(), self.client.get_result().dishes_washed))
 
+    # Two bowls, or a server that looks for a cancel at every other bowl would pass.
     @parameterized.expand([
         ("after_an_odd_bowl", 1, lambda client: client.cancel_goal()),
         ("after_an_even_bowl", 2, lambda client: client.cancel_goal()),
@@ -51,7 +52,7 @@ class TestPreempt(ActionTest):
             self.client.wait_for_result(rospy.Duration(20))
         self.assertEqual(PREEMPTED, self.client.get_state())
 
-    def test_cancel_in_the_last_second(self):
+    def test_cancel_in_the_last_second_has_the_servers_outcome(self):
         self.wash(1)
         self.client.cancel_goal()
         self.check_outcome(getattr(GoalStatus, rospy.get_param("cancel_in_last_second", "SUCCEEDED")), bowls(1))

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What a program finds that only changes its import: each test passes on robust and on plain actionlib.
+"""Attributes, subclasses and locks that programs rely on: each test passes on robust and on plain actionlib.
 
 ACTIONLIB=plain in the environment tries actionlib. drop_in.test runs both.
 """

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What clients do with goals, in orders that chance makes up, on robust_action_server.py.
+"""Every goal ends as it should, in any order of goals, cancels and waits, on robust_action_server.py.
 
 After each step every goal has the state and the bowls that it should have. The clock stands still, so a server that
 polls would never answer. SEED (1) and SEQUENCES (80) in the environment choose which orders, and how many.

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What robust must not do: leave threads or topics behind, give up on a goal, send anything of its own accord."""
+"""What robust must not do: leave more threads or topics than actionlib, give up on a goal, send one again."""
 import os
 import signal
 import sys

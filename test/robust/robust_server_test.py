@@ -122,7 +122,7 @@ class TestRobustServer(ServerCase):
             while sleep():
                 pass
             begun = time.monotonic()
-            self.slept += [sleep() for _ in range(10)]  # it slows down
+            self.slept += [sleep() for _ in range(10)]  # as a robot that slows down; each takes its period
             seconds.append(time.monotonic() - begun)
             self.server.set_preempted()
 
@@ -131,7 +131,7 @@ class TestRobustServer(ServerCase):
         self.assertEqual([False] * 10, self.slept)
         self.assertGreater(seconds[0], 0.4)
 
-    def test_cancel_is_answered_once_in_each_thread(self):
+    def test_cancel_ends_a_sleep_at_once_in_each_thread(self):
         def sleep():
             self.slept.append(self.server.rate(0.01).sleep())
 
@@ -219,7 +219,7 @@ class TestRobustServer(ServerCase):
         ("by_its_handle", lambda server: server.current_goal.set_aborted(), ABORTED, "the server gave up"),
         ("that_utf8_cannot_hold", lambda server: server.set_aborted(text="soap \udcff, größer"),
          ABORTED, "soap \\udcff, größer")])
-    def test_text(self, _, end, state, text):
+    def test_outcome_has_a_text(self, _, end, state, text):
         self.serve(lambda _: end(self.server))
         self.expect(self.client.send(0), state, text)
 
@@ -325,7 +325,7 @@ class TestRobustServer(ServerCase):
 
     def test_goal_that_was_recalled_is_forgotten(self):
         self.serve(goal_cb=lambda: self.started.append("came"))
-        waiting = self.client.send(1, stamp=rospy.Time.now() + rospy.Duration(1000))
+        waiting = self.client.send(1, stamp=rospy.Time.now() + rospy.Duration(1000))  # later than the next one's
         eventually(lambda: self.started, "a goal", self.client)
         self.client.cancel(waiting)
         self.expect(waiting, RECALLED)
@@ -358,7 +358,7 @@ class TestRobustServer(ServerCase):
         ("SystemExit_before_it_accepts", SystemExit, False, RECALLED),
         ("ValueError_after_it_accepted", ValueError, True, ABORTED),
         ("SystemExit_after_it_accepted", SystemExit, True, ABORTED)])
-    def test_goal_callback_that_raises(self, _, error, accepts, state):
+    def test_goal_callback_that_raises_ends_its_goal(self, _, error, accepts, state):
         errors = [error("out of soap")]
 
         def goal_cb():

@@ -157,7 +157,7 @@ class TestServer(unittest.TestCase):
         self.program.wait()
         self.assertIn("ValueError: out of soap", self.program.stderr, self.program)
 
-    def test_goals_of_a_server_that_is_locked_for_good(self):
+    def test_goals_end_though_the_server_is_locked_for_good(self):
         client, goal = self.start_goal("wait lock work")
         waiting = client.send(1)  # a newer goal, so the other one goes on
         self.program.expect("locked")
