@@ -137,10 +137,18 @@ class TestRate(unittest.TestCase):
         cls.early = cls.server.rate(1)
         cls.clock = SimulatedClock()
 
-    def sleep(self, rate):
-        """Have a thread sleep on rate. Returns a list that gets what sleep() returns."""
-        slept = []
-        threading.Thread(target=lambda: slept.append(rate.sleep()), daemon=True).start()
+    def sleep(self, *rates):
+        """Have a thread for each rate sleep on it, and wait until they do. Returns a list that gets what sleep()
+        returns."""
+        def sleep(rate):
+            begun.wait()
+            slept.append(rate.sleep())
+
+        begun, slept = threading.Barrier(len(rates) + 1), []
+        for rate in rates:
+            threading.Thread(target=sleep, args=[rate], daemon=True).start()
+        begun.wait()
+        time.sleep(PAUSE / 5)
         return slept
 
     def turn_until(self, seconds, slept):
@@ -153,13 +161,11 @@ class TestRate(unittest.TestCase):
 
     def test_rate_made_before_the_clock_sleeps_its_period(self):
         slept = self.sleep(self.early)
-        time.sleep(PAUSE / 5)
         self.turn_until(1, slept)
 
     def test_clock_set_back_begins_one_period_anew(self):
         rate = self.server.rate(1)
         slept = self.sleep(rate)
-        time.sleep(PAUSE / 5)
         self.clock.turn(-500)
         self.assertEqual(1, rate.remaining().to_sec())
         self.turn_until(1, slept)
@@ -174,10 +180,9 @@ class TestRate(unittest.TestCase):
 
     def test_clock_that_jumps_during_a_sleep_is_as_with_rospys(self):
         rates = self.server.rate(1), rospy.Rate(1)
-        slept = [self.sleep(rate) for rate in rates]
-        time.sleep(PAUSE / 5)
+        slept = self.sleep(*rates)
         self.clock.turn(5.25)
-        eventually(lambda: all(slept), "the end of the period", timeout=10)
+        eventually(lambda: len(slept) == 2, "the end of the period", timeout=10)
         self.check_as_rospys(0, 1, rates=rates)
 
     def check_as_rospys(self, *turns, rates=None):
