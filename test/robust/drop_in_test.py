@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Attributes, subclasses and locks that programs rely on: each test passes on robust and on plain actionlib.
+"""What programs rely on in actionlib, such as attributes, waits and subclasses: each test passes on both libraries.
 
 ACTIONLIB=plain in the environment tries actionlib. drop_in.test runs both.
 """

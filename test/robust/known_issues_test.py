@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """What users of actionlib in Python have reported: one test for each row of doc/known_issues.md, named by the report.
 
-ACTIONLIB=plain in the environment tries actionlib instead of robust, and each test fails. The name of a test begins
-with its repository: actionlib, ros_comm, pr2_common; own: found by us.
+ACTIONLIB=plain in the environment tries actionlib instead of robust, and each test fails, some only by chance. The name
+of a test begins with its repository: actionlib, ros_comm, pr2_common; own: found by us.
 """
 import os
 import sys

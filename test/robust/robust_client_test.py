@@ -103,6 +103,13 @@ class TestRobustClient(ScriptedCase):
         self.expect(ABORTED, 1)
         self.assertEqual(([], [], []), (self.done, self.feedback, self.cancels))
 
+    @parameterized.expand(["is_not_none", "true"])
+    def test_stop_handler_stops_both_arms_whose_gh(self, kind):
+        program = self.programs.program("two_arms", kind)
+        program.expect("both move")
+        program.signal(signal.SIGINT)
+        program.expect(r"^\[2, 2\]")
+
     def test_simple_state_is_done_after_done_cb_stopped_tracking(self):
         self.send("ACTIVE result:SUCCEEDED", done_cb=lambda *_: self.client.stop_tracking_goal())
         self.eventually(lambda: self.client.simple_state == actionlib.SimpleGoalState.DONE, "DONE")

@@ -4,7 +4,6 @@ import os
 import signal
 import sys
 
-from parameterized import parameterized
 import rostest
 
 from actions_tutorial import robust
@@ -23,13 +22,6 @@ class TestRobustPolicy(ScriptedCase):
         program = self.programs.program("drops_clients")
         program.expect(r"^clients \(0, \d, 0\)$")  # rospy may have started a thread of its own
         program.expect("^servers True")
-
-    @parameterized.expand(["is_not_none", "true"])
-    def test_stop_handler_stops_both_arms_whose_gh(self, kind):
-        program = self.programs.program("two_arms", kind)
-        program.expect("both move")
-        program.signal(signal.SIGINT)
-        program.expect(r"^\[2, 2\]")
 
     def test_server_frozen_for_6_s_is_waited_for(self):
         self.connect()
