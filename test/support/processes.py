@@ -112,7 +112,10 @@ class Process:
         self.wait()
 
     def kill(self):
-        """Kill the group, without waiting."""
+        """Kill the group, without waiting, and its children in other groups, such as the nodes of a roslaunch."""
+        with contextlib.suppress(psutil.Error):  # it has ended
+            for child in self.usage.children(recursive=True):
+                child.kill()
         # After its end, its number may belong to another process, unless there is no such process.
         if self.running() or not psutil.pid_exists(self._popen.pid):
             with contextlib.suppress(ProcessLookupError):
