@@ -7,6 +7,10 @@ import re
 import statistics
 import sys
 
+from measure import Benchmark
+import pictures
+from support.processes import Master
+
 COLUMNS = {"floor": "floor", "plain": "`action_server.py`", "hz20": "the same at 20 Hz",
            "robust": "`robust_action_server.py`"}
 ROWS = (  # label, figure, and the server that robust is compared with
@@ -54,9 +58,6 @@ def main():
     parser.add_argument("--quick", action="store_true", help="takes a minute, as a trial: the figures mean nothing")
     args = parser.parse_args()
 
-    # Not at the top: --help needs no ROS.
-    from measure import Benchmark
-    from support.processes import Master
     rounds, windows, bursts = (2, 1, 1) if args.quick else (40, 6, 5)
     with Master() as master:
         benchmark = Benchmark(master)
@@ -71,7 +72,6 @@ def main():
     table = table_of(benchmark.samples)
     print("%s\n%s." % (table, machine()))
     if args.doc:
-        import pictures
         os.makedirs(args.doc, exist_ok=True)
         write_page(args.doc, table)
         pictures.draw_cancels(benchmark.samples, os.path.join(args.doc, "benchmark.svg"))

@@ -30,8 +30,6 @@ from support.server_case import ServerCase
 from support.states import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
 
 LIBRARY = actionlib if os.environ.get("ACTIONLIB") == "plain" else robust
-
-
 TOPICS = {"goal": lambda name: rospy.Subscriber(name, TestRequestActionGoal),
           "cancel": lambda name: rospy.Subscriber(name, GoalID),
           "status": lambda name: rospy.Publisher(name, GoalStatusArray, latch=True, queue_size=1),
