@@ -109,7 +109,7 @@ def test_files_of_the_lessons_are_the_repositorys():
 def test_versions_agree():
     stated = [re.search(words, text_of(file), re.M).group(1) for file, words in (
         ("package.xml", "<version>(.*)</version>"), ("CHANGELOG.rst", r"^(\d[\d.]*) \("),
-        ("src/actions_tutorial/robust/__init__.py", '^__version__ = "(.*)"'))]
+        ("src/actions_tutorial/robust.py", '^__version__ = "(.*)"'))]
     assert len(set(stated)) == 1, stated
 
 

@@ -163,7 +163,7 @@ class TestKnownIssues(ScriptedCase):
         self.expect(SUCCEEDED)
         self.assertEqual(([], CommState.DONE), (self.cancels, self.client.gh.get_comm_state()))
 
-    @mock.patch.object(robust.client, "RESULT_WITHIN", 2.0)
+    @mock.patch.object(robust, "RESULT_WITHIN", 2.0)
     def test_actionlib_181_result_that_got_lost(self):
         self.connect()
         self.send("ACTIVE SUCCEEDED 0.2 unlisted")

@@ -381,7 +381,7 @@ class TestRobustClient(ScriptedCase):
     def test_heartbeat_timeout_not_above_0_is_a_value_error(self, _, wrong):
         self.assertRaises(ValueError, self.connect, heartbeat_timeout=wrong)
 
-    @mock.patch.object(robust.client, "CANCELLED_UNLISTED_FOR", 1.0)
+    @mock.patch.object(robust, "CANCELLED_UNLISTED_FOR", 1.0)
     def test_goal_never_listed_stays_pending_unless_cancelled(self):
         self.send("go result:SUCCEEDED")
         self.client.cancel_all_goals()  # also of other clients
@@ -390,7 +390,7 @@ class TestRobustClient(ScriptedCase):
         self.go()
         self.expect(SUCCEEDED)
 
-    @mock.patch.object(robust.client, "CANCELLED_UNLISTED_FOR", 2.0)
+    @mock.patch.object(robust, "CANCELLED_UNLISTED_FOR", 2.0)
     def test_goal_never_listed_is_lost_some_time_after_first_cancel(self):
         self.send("cancel")
         begun = time.monotonic()
