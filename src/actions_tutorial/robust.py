@@ -30,35 +30,44 @@
 
     from actions_tutorial import robust
 
-Each override says what actionlib does and what it does instead. What is not overridden is actionlib's, and the rest of
-actionlib is re-exported. The import registers one function with rospy.on_shutdown and changes nothing else. Import this
-module before your program registers its own functions, so that goals are asked to stop first.
+The docstring of each override says what actionlib does and what this class does instead. Everything else is actionlib's
+own, and its other names are re-exported. The import registers one function with rospy.on_shutdown and changes nothing
+else. Import this module before your program registers its own functions, so that goals are asked to stop first.
 
-Members of actionlib that are used. It is archived, so they stay.
+Internals of actionlib that are used here. actionlib is archived, so they will not change.
 * SimpleActionServer: action_server, current_goal, next_goal, new_goal, execute_callback, execute_thread,
-  execute_condition, need_to_terminate, preempt_callback, preempt_request. There is no other way to start a goal without
-  polling, or to end one that waits.
-* ActionServer: lock, started, last_cancel, status_timer, status_frequency and the message types. status_tracker of a
-  ServerGoalHandle is read where a callback may hold the lock.
-* SimpleActionClient: action_client, gh, simple_state, done_condition, done_cb. Of its ActionClient: manager, ActionGoal,
-  and pub_goal, pub_cancel, result_sub, feedback_sub, last_status_msg, which show whether the server is connected.
-* GoalManager: ActionGoal, list_mutex, statuses, send_goal_fn, cancel_fn. It makes the goals of a client.
-* CommStateMachine, one for each goal of a client: its constructor, mutex, state, action_goal, latest_goal_status,
-  latest_result, feedback_cb, send_cancel_fn, transition_to.
-Of rospy: rostime.get_rostime_cond(), a condition that each message of /clock notifies; last_time and sleep_dur of a
-Rate; the connections of a topic. A function that is given to rospy.on_shutdown during the shutdown is called last.
+  execute_condition, need_to_terminate, preempt_callback, preempt_request. Without them a goal cannot be started without
+  polling, nor a waiting goal be ended.
+* ActionServer: ns, lock, started, last_cancel, status_timer, status_frequency and the message types; status_tracker of
+  a ServerGoalHandle, which can be read without the lock.
+* SimpleActionClient: action_client, gh, simple_state, _set_simple_state, done_condition, done_cb.
+* ActionClient: ns, manager, ActionGoal; pub_goal, pub_cancel, result_sub, feedback_sub and last_status_msg show whether
+  the server is connected.
+* GoalManager, which makes the goals of a client: ActionGoal, list_mutex, statuses, send_goal_fn, cancel_fn.
+* CommStateMachine, one for each goal of a client, held by a ClientGoalHandle: its constructor, mutex, state,
+  transition_to, action_goal, latest_goal_status, latest_result, feedback_cb, send_cancel_fn.
+From rospy: rostime.get_rostime_cond(), the condition that every message of /clock notifies; last_time and sleep_dur of
+a Rate; the connections of a topic; and that functions registered during the shutdown are called, after all others.
 
-The states of a goal in the server, and in the client (CommState):
-
-    PENDING -> ACTIVE -> PREEMPTING (a cancel)         WAITING_FOR_GOAL_ACK -> PENDING -> ACTIVE -> PREEMPTING
-      |          '-------> '--> SUCCEEDED, ABORTED,      '-> each -> WAITING_FOR_RESULT -> DONE, with its result
-      '-> RECALLED              PREEMPTED                '-> each -> DONE, with the status LOST
+A goal in the server:
+    PENDING                 waits. A newer goal, a cancel or a shutdown makes it RECALLED
+    ACTIVE                  is executed
+    PREEMPTING              is executed, and was cancelled
+    SUCCEEDED, ABORTED, PREEMPTED, RECALLED, REJECTED       outcomes
+A goal in the client (CommState):
+    WAITING_FOR_GOAL_ACK    no status has listed it yet
+    PENDING, ACTIVE, RECALLING, PREEMPTING                  as the last status shows it
+    WAITING_FOR_CANCEL_ACK  a cancel was sent, and no status shows it yet
+    WAITING_FOR_RESULT      a status shows its outcome, and the result has not come yet
+    DONE                    it has its result, or it is LOST. It stays so
 
 Locks, in the order in which they are taken:
-* server: action_server.lock, then that of execute_condition, then the ROS clock's condition, on which rates wait
-* client: the mutex of a goal, then manager.list_mutex, which guards gh; done_condition by itself
-Callbacks for goals and preempts run with the server's locks held, active_cb with its goal's mutex, as in actionlib. No
-lock is held during execute_cb, done_cb and feedback_cb.
+* server: action_server.lock, which guards the goals; then that of execute_condition, which guards new_goal; then the
+  condition of the ROS clock, on which rates wait
+* client: the mutex of a goal, which guards its state; then manager.list_mutex, which answers wait for while a goal is
+  sent. done_condition and _robust_sent are held with no other lock
+Callbacks for goals and preempts run with the server's locks held, and active_cb with its goal's mutex, as in actionlib.
+No lock is held during execute_cb, done_cb and feedback_cb.
 """
 from __future__ import annotations
 
@@ -85,39 +94,39 @@ Seconds = Union[genpy.Duration, float]
 
 SHUTTING_DOWN = "the server is shutting down"
 WARN_EVERY = 5.0  # s between two warnings of wait_for_server
-UNLISTED_FOR = 1.0  # s. A goal that the server's status no longer lists for that long is LOST
-RESULT_WITHIN = 30.0  # s. The same for a goal whose outcome was seen, but not its result; and if it was never listed
+UNLISTED_FOR = 1.0  # s. A goal that has been missing from the server's status for this long is LOST
+RESULT_WITHIN = 30.0  # s. As above, if only the result is missing, or if the goal was cancelled and never listed
 _TEXTS = {GoalStatus.SUCCEEDED: "all done", GoalStatus.ABORTED: "the server gave up",
           GoalStatus.PREEMPTED: "preempted by the server", GoalStatus.REJECTED: "the server refused the goal",
           GoalStatus.RECALLED: "cancelled before it was started"}
 _WAITING = GoalStatus.PENDING, GoalStatus.RECALLING
 _RUNNING = GoalStatus.ACTIVE, GoalStatus.PREEMPTING
 
-_stopping = threading.Event()  # set when the shutdown of the node begins
+_stopping = threading.Event()  # set when the node begins to shut down
 _alive: weakref.WeakSet = weakref.WeakSet()  # the servers and clients of this process
-_settled: weakref.WeakSet = weakref.WeakSet()  # the connections to which wait_for_server has given 0.2 s
+_settled: weakref.WeakSet = weakref.WeakSet()  # the connections for which wait_for_server has waited 0.2 s
 
 
 class SimpleActionServer(actionlib.SimpleActionServer):
-    """An actionlib.SimpleActionServer that starts and stops goals at once and gives each an outcome with a text.
+    """An actionlib.SimpleActionServer that starts and stops goals without delay and gives each an outcome with a text.
 
     name, ActionSpec: the name of the action, and its type, such as WashTheDishesAction.
     execute_cb: called with each goal, one at a time, in a daemon thread. None for servers with goal callbacks.
-    auto_start: whether to start at once. False is better, or execute_cb may be called before the constructor returns.
-    shutdown_timeout: s after which a goal that has not stopped is ABORTED when the node is shut down.
+    auto_start: whether to start here. False is better, or execute_cb may be called before the constructor returns.
+    shutdown_timeout: s that a goal has to stop when the node is shut down, before it is ABORTED.
     """
 
-    next_goal: actionlib.ServerGoalHandle
+    next_goal: actionlib.ServerGoalHandle  # for mypy, like those of the classes below
     execute_callback: Any
 
     def __init__(self, name: str, ActionSpec: type, execute_cb: Optional[Callable[[Any], Any]] = None,
                  auto_start: bool = True, *, shutdown_timeout: Seconds = 1.0) -> None:
-        """actionlib's thread for execute_cb keeps a program alive whose main thread has raised (ros/actionlib #146).
-        Here it is a daemon, so it is started here, and not by actionlib's constructor."""
+        """actionlib's thread for execute_cb keeps the program alive after its main thread has raised (ros/actionlib
+        #146). Here the thread is a daemon, so actionlib's constructor must not start it."""
         self._robust_patience = _seconds(shutdown_timeout)
         super().__init__(name, ActionSpec, execute_cb=None, auto_start=False)
-        self._robust_overtaken = None  # the last goal that had to stop for a newer one
-        self._robust_told = threading.local()  # .goal: in each thread, the one whose rate has last said at once to stop
+        self._robust_overtaken = None  # the last goal that should stop for a newer one
+        self._robust_told = threading.local()  # .goal, in each thread: the last one that a rate has told to stop
         self.action_server = _ActionServer(
             name, ActionSpec, self.internal_goal_callback, self.internal_preempt_callback, auto_start=False)
         if execute_cb:
@@ -129,18 +138,18 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             self.action_server.start()
 
     def rate(self, hz: float) -> rospy.Rate:
-        """Returns a rospy.Rate for the work on a goal: its sleep() returns True at the end of the period, and False at
-        once when the goal should stop, because of a cancel, a newer goal or a shutdown.
+        """Returns a rospy.Rate for the loop that works on a goal. Its sleep() returns True at the end of the period, and
+        False at once when the goal should stop, because of a cancel, a newer goal or a shutdown.
 
-        A loop that goes on after False keeps its pace, and gets False at the end of each period. Once the goal that ran
-        when the rate was made is over, sleep() returns False, too. Then return without calling set_preempted or the
-        like, which would end a newer goal.
+        hz: 1/s, on the ROS clock. A loop that goes on after False keeps its pace: sleep() then returns False at the end
+        of each period. It also returns False once the goal that was active when the rate was made is over. This can
+        happen in servers with goal callbacks. Then return without set_preempted, which would end the newer goal.
         """
         return _Rate(hz, self)
 
     @property
     def preempt_request(self) -> bool:
-        """actionlib's attribute. Here it wakes the rates when it is set, and is set on shutdown, too."""
+        """As in actionlib, but setting it wakes the rates. It is also set for a goal that runs during a shutdown."""
         return self._robust_preempt_request
 
     @preempt_request.setter
@@ -149,21 +158,22 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         _wake_rates()
 
     def _robust_running_goal(self):
-        """Returns the goal that is ACTIVE or PREEMPTING, or None. Needs no lock, unlike is_active()."""
-        goal = self.current_goal
+        """Returns the goal that is ACTIVE or PREEMPTING, or None. Takes no lock, unlike is_active()."""
+        goal = self.current_goal  # without a status_tracker before the first goal
         return goal if goal.status_tracker and goal.status_tracker.status.status in _RUNNING else None
 
     def executeLoop(self) -> None:
-        """actionlib's waits up to 0.1 s for a goal that has come (ros/actionlib #212), polls (#164), and ends for good
-        after SystemExit, or if action_server.stop() is called while a goal runs and another one waits."""
+        """actionlib's loop polls (ros/actionlib #164), notices a new goal up to 0.1 s late (#212), and ends for good
+        after SystemExit, or when action_server.stop() is called while a goal runs and another one waits. This one waits
+        for the condition, and goes on."""
         while True:
-            with self.execute_condition:  # 2 s: some programs set need_to_terminate, and notify nobody
+            with self.execute_condition:  # 2 s, since some programs set need_to_terminate without notifying
                 self.execute_condition.wait_for(lambda: self.new_goal or _stopping.is_set(), timeout=2)
             if self.need_to_terminate or _stopping.is_set():
                 return
             with self.action_server.lock:
                 goal = self.accept_new_goal() if self.action_server.started else None
-            if goal is None:
+            if goal is None:  # the goal was cancelled meanwhile, or the server was stopped
                 time.sleep(0.01)
             else:
                 self._robust_execute(goal)
@@ -185,18 +195,18 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         return rospy.resolve_name(self.action_server.ns)
 
     def accept_new_goal(self) -> Any:
-        """actionlib's ends an older goal with a text of its own, and logs an error if no goal waits. Here the text says
-        why the older goal had to stop. Returns None if no goal waits: it may have been cancelled meanwhile."""
+        """Accept the goal that waits. Returns it, or None if there is none, since it may have been cancelled meanwhile.
+        actionlib's logs an error then. It also ends an older goal with one text for all. Here the text says why."""
         with self.action_server.lock:
             if not self.new_goal:
                 return None
             if self.is_active():
-                SimpleActionServer.set_preempted(self)  # not a subclass's: actionlib's does not call that, either
+                SimpleActionServer.set_preempted(self)  # like actionlib, this calls no override of a subclass
             return super().accept_new_goal()
 
     def register_goal_callback(self, cb: Optional[Callable[[], Any]]) -> None:
-        """With actionlib's, a goal whose cb raises has no outcome, and after SystemExit the server stays locked. Here
-        that goal is ABORTED if it was accepted, else RECALLED."""
+        """In actionlib, a goal whose cb raises has no outcome, and after SystemExit the server stays locked. Here the
+        goal is ABORTED if it was accepted, else RECALLED."""
         super().register_goal_callback(cb and (lambda: self._robust_call_goal_callback(cb)))
 
     def _robust_call_goal_callback(self, cb):
@@ -204,7 +214,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         try:
             cb()
         except BaseException as error:
-            # In a thread: the server is locked, and to log a line may take long.
+            # In a thread, because the server is locked, and logging may block.
             _start(rospy.logerr, "%s: the goal callback failed\n%s", self._robust_name(), traceback.format_exc())
             text = _failure("the goal callback", error)
             if self.new_goal:
@@ -213,8 +223,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 super().set_aborted(None, text)
 
     def internal_goal_callback(self, goal: actionlib.ServerGoalHandle) -> None:
-        """actionlib's refuses a goal with an earlier stamp than the last one's (ros/actionlib #203). Here the goal that
-        comes last wins. And it wakes one thread that waits for the condition, perhaps one of the program's."""
+        """actionlib refuses a goal whose stamp is earlier than the current goal's (ros/actionlib #203), and notifies
+        one thread, perhaps one of the program's. Here the goal that comes last wins, and all threads are notified."""
         if _stopping.is_set():
             goal.set_canceled(None, SHUTTING_DOWN)
             return
@@ -223,33 +233,34 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         if self.current_goal.get_goal():
             self._robust_overtaken = self.current_goal
             older = self.current_goal.get_goal_id()
-            older.stamp = min(older.stamp, goal.get_goal_id().stamp)
+            older.stamp = min(older.stamp, goal.get_goal_id().stamp)  # so that actionlib does not refuse the new one
         super().internal_goal_callback(goal)
         with self.execute_condition:
             self.execute_condition.notify_all()
 
     def internal_preempt_callback(self, preempt: actionlib.ServerGoalHandle) -> None:
-        """actionlib's starts a goal that was cancelled while it waited (ros/actionlib #196). Here it is RECALLED."""
+        """actionlib starts a goal that was cancelled while it waited (ros/actionlib #196). Here it is RECALLED."""
         if self.new_goal and preempt == self.next_goal:
             self._robust_recall("cancelled before it was started")
         else:
             super().internal_preempt_callback(preempt)
 
     def _robust_recall(self, text):
-        """End the goal that waits."""
+        """End the goal that waits. Called with the server's locks held."""
         self.new_goal = False
         if self.next_goal.status_tracker.status.status in _WAITING:  # the goal callback may have rejected it
             self.next_goal.set_canceled(None, text)
         self.next_goal = self.current_goal  # as after accept_new_goal
 
     def set_preempted(self, result: Optional[genpy.Message] = None, text: str = "") -> None:
-        """End the goal PREEMPTED. actionlib's gives no reason, and says PREEMPTED to a client that has not asked for it
-        when the node is shut down. Here such a goal is ABORTED, "the server is shutting down".
+        """End the goal PREEMPTED.
 
-        result: None is an empty one. text: by default why the goal had to stop.
+        result: None sends an empty result. text: by default the reason why the goal should stop.
+        actionlib gives no reason, and when the node is shut down it reports PREEMPTED to a client that has cancelled
+        nothing. Here that goal is ABORTED, "the server is shutting down".
         """
         with self.action_server.lock:
-            goal = self._robust_running_goal()
+            goal = self._robust_running_goal()  # if there is none, actionlib logs an error
             is_cancelled = goal and goal.status_tracker.status.status == GoalStatus.PREEMPTING
             if _stopping.is_set() and not is_cancelled:
                 super().set_aborted(result, f"{SHUTTING_DOWN}: {text}" if text else SHUTTING_DOWN)
@@ -259,14 +270,14 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 super().set_preempted(result, text or why)
 
     def _robust_shut_down(self, deadline):
-        """When the node is shut down, actionlib's server leaves its goals without an outcome. Here they are asked to
-        stop, and ABORTED at deadline (time.monotonic())."""
+        """When the node is shut down, actionlib leaves its goals without an outcome. Here the goal is told to stop, and
+        ABORTED if it has not stopped by deadline (time.monotonic())."""
         if not self.action_server.started:  # or action_server.stop() was called
             return
         with self.action_server.lock, self.execute_condition:
             if self.new_goal:
                 self._robust_recall(SHUTTING_DOWN)
-            self.execute_condition.notify_all()  # the thread of execute_cb ends
+            self.execute_condition.notify_all()  # executeLoop returns
             if self.is_active():
                 self.preempt_request = True
                 if self.preempt_callback:
@@ -279,14 +290,14 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
 
 class _ActionServer(ActionServer):
-    """The part of a SimpleActionServer that talks to the topics."""
+    """The part of a SimpleActionServer that handles the topics."""
 
     status_timer: rospy.Timer
     last_cancel: rospy.Time
 
     def publish_result(self, status, result):
-        """Each outcome passes here. actionlib's client waits forever for a result that cannot be serialized. Here the
-        goal is ABORTED. And an outcome without a text gets one."""
+        """Every outcome goes through here. In actionlib, a client waits forever for a result that cannot be serialized.
+        Here the goal is ABORTED instead. An outcome without a text gets one."""
         status.text = status.text or _TEXTS.get(status.status, "")
         try:
             _check(self.ActionResult(status=status, result=result))
@@ -294,17 +305,18 @@ class _ActionServer(ActionServer):
             status.status, status.text = GoalStatus.ABORTED, f"the result cannot be sent: {error}"
             result = self.ActionResultType()
         super().publish_result(status, result)
-        _wake_rates()  # of this goal, in another thread
+        _wake_rates()  # those of this goal in other threads
 
     def publish_feedback(self, status, feedback):
-        """With actionlib's, feedback that cannot be serialized spoils the next one. Here it only raises."""
+        """In actionlib, feedback that cannot be serialized corrupts the next message. Here it only raises
+        rospy.ROSSerializationException."""
         message = self.ActionFeedback(status=status)
         message.feedback = feedback  # the constructor would replace None
         _check(message)
         super().publish_feedback(status, feedback)
 
     def initialize(self):
-        """actionlib's status ends when the clock is set back (ros/ros_comm #1083). Here the timer goes on."""
+        """actionlib stops publishing its status when the clock is set back (ros/ros_comm #1083). This timer goes on."""
         super().initialize()
         if self.status_timer:
             self.status_timer.shutdown()
@@ -312,13 +324,13 @@ class _ActionServer(ActionServer):
                 rospy.Duration(1 / self.status_frequency), self.publish_status_async, reset=True)
 
     def internal_cancel_callback(self, goal_id):
-        """After a cancel with a stamp in the future, actionlib's refuses all goals until then (ros/actionlib #117)."""
+        """After a cancel stamped in the future, actionlib refuses all goals until then (ros/actionlib #117)."""
         with self.lock:
             super().internal_cancel_callback(goal_id)
             self.last_cancel = min(self.last_cancel, rospy.Time.now())
 
     def internal_goal_callback(self, goal):
-        """The same after a cancel, if the clock was set back since (ros/actionlib #203)."""
+        """actionlib does the same after a cancel if the clock has since been set back (ros/actionlib #203)."""
         with self.lock:
             if self.last_cancel > rospy.Time.now():
                 self.last_cancel = rospy.Time()
@@ -332,10 +344,12 @@ class _Rate(rospy.Rate):
 
     def __init__(self, hz, server):
         super().__init__(hz)
-        self._server, self._goal = server, server._robust_running_goal()  # goal: None for a rate of all goals
+        self._server = server
+        self._goal = server._robust_running_goal()  # None: this rate serves all goals
 
     def sleep(self):
-        """rospy's cannot be woken. This one waits on the clock's condition, which _wake_rates() notifies, too."""
+        """rospy.Rate's cannot be interrupted, and raises when the clock is set back. This one waits on the clock's
+        condition, which _wake_rates() also notifies, and begins a new period when the clock is set back."""
         server, clock, called = self._server, rospy.rostime.get_rostime_cond(), rospy.get_rostime()
         with clock:
             while True:
@@ -345,7 +359,8 @@ class _Rate(rospy.Rate):
                 if should_stop and getattr(server._robust_told, "goal", None) is not goal:
                     server._robust_told.goal = goal
                     return False
-                called, left = min(called, rospy.get_rostime()), self.remaining()  # the clock may have been set back
+                called = min(called, rospy.get_rostime())  # the clock may have been set back
+                left = self.remaining()
                 if left <= rospy.Duration():
                     self.last_time += self.sleep_dur
                     if called - self.last_time > self.sleep_dur * 2:  # too late to catch up, as in rospy.Rate
@@ -363,8 +378,9 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     """An actionlib.SimpleActionClient whose state, result and callbacks agree, and that says why a goal failed.
 
     ns, ActionSpec: the name of the action, and its type, such as WashTheDishesAction.
-    heartbeat_timeout: s. A goal without status or feedback for that long is LOST, and a cancel is sent in case the
-        server still works. Only time that passes both on the ROS clock and in reality counts. None: no limit.
+    heartbeat_timeout: s. If neither a status that lists the goal nor feedback comes for this long, the goal is LOST,
+        and a cancel is sent in case the server is still running. A server sends its status five times a second. Time
+        in which the ROS clock or this process stands still does not count. None: no limit.
     cancel_on_shutdown: whether to cancel the goal when this node is shut down, and wait up to 2 s for its outcome.
     Timeouts are Durations or seconds. Raises ValueError for a heartbeat_timeout that is not above 0.
     """
@@ -382,7 +398,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         self._robust_heartbeat_timeout = limit
         self._robust_cancel_on_shutdown = cancel_on_shutdown
         self._robust_sent = threading.Condition()  # notified when a goal is sent: the watch of an older one ends
-        self.action_client.manager = _GoalManager(ActionSpec)
+        self.action_client.manager = _GoalManager(ActionSpec)  # in the place of actionlib's, which has no goals yet
         self.action_client.manager.register_send_goal_fn(self.action_client.pub_goal.publish)
         self.action_client.manager.register_cancel_fn(self.action_client.pub_cancel.publish)
         _alive.add(self)
@@ -391,9 +407,10 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """Wait until the server is connected.
 
         timeout: in real time; 0: no limit. Returns False after the timeout, and on shutdown.
-        actionlib's counts ROS time, so it never ends while simulated time stands still (ros/actionlib #19), and ends at
-        once when that begins (#137). It says nothing while it waits (#35). And feedback may be lost after it, since
-        rospy counts a connection a moment before messages pass. This one waits 0.2 s more for new connections.
+        actionlib's counts ROS time, so it never returns while simulated time stands still (ros/actionlib #19), and
+        returns at once when simulated time begins (#137). It says nothing while it waits (#35). Early feedback may be
+        lost, because rospy counts a connection a moment before messages pass on it. Here the time is real, a warning
+        comes every 5 s, and new connections get another 0.2 s.
         """
         seconds, begun, warned = _duration(timeout).to_sec(), time.monotonic(), 0.0
         name, topic = rospy.resolve_name(self.action_client.ns), self.action_client.feedback_sub.impl
@@ -407,15 +424,16 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                 warned = waited
                 _start(rospy.logwarn, "waiting for the server of %s for %d s", name, waited)  # the master may hang
             time.sleep(0.01)
-        if not _settled.issuperset(topic.connections):
+        connections = list(topic.connections)
+        if not _settled.issuperset(connections):
             time.sleep(0.2)
-            _settled.update(topic.connections)
+            _settled.update(connections)
         is_interrupted = rospy.is_shutdown()
         self._robust_no_server = f"interrupted while waiting for the server of {name}" if is_interrupted else None
         return not is_interrupted
 
     def _robust_is_connected(self):
-        """Returns whether the node that has sent the last status has the other four topics, too."""
+        """Returns whether the node that sent the last status is connected on the other four topics."""
         client = self.action_client
         if not client.last_status_msg:
             return False
@@ -427,18 +445,21 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     def send_goal(self, goal: Optional[genpy.Message], done_cb: Optional[Callable[[int, Any], Any]] = None,
                   active_cb: Optional[Callable[[], Any]] = None,
                   feedback_cb: Optional[Callable[[Any], Any]] = None) -> None:
-        """Send a goal. An older one goes on, but its callbacks are no longer called.
+        """Send a goal. An older goal keeps running, but its callbacks are no longer called.
 
+        goal: a message such as WashTheDishesGoal; None sends an empty goal. done_cb: called with the outcome (int, as
+        in GoalStatus) and the result, in a thread of its own. active_cb: called when the goal has started.
+        feedback_cb: called with each feedback, the last of which may come after done_cb.
         Raises TypeError for a goal of another type, and rospy.ROSSerializationException for one that cannot be sent.
-        actionlib's drops an answer that comes before it returns (ros/actionlib #206). Here the answer waits for
-        list_mutex until gh is set. And a goal that cannot be sent spoils the next one.
+        In actionlib, a goal that cannot be sent corrupts the next one, and an answer that comes before this method
+        returns is dropped (ros/actionlib #206). Here the answer waits for list_mutex until gh is set.
         """
         expected, given = self.action_client.ActionGoal().goal._type, getattr(goal, "_type", type(goal).__name__)
         if goal is not None and given != expected:
             raise TypeError(f"the goal must be of type {expected}, not {given}")
         _check(self.action_client.ActionGoal(goal=goal))
         with self.action_client.manager.list_mutex:
-            self._robust_is_sending = True  # if Ctrl-C comes before gh is set, the goal is cancelled
+            self._robust_is_sending = True  # read if Ctrl-C comes before gh is set
             super().send_goal(goal, done_cb, active_cb, feedback_cb)
             self._robust_is_sending, self._robust_no_server, gh = False, None, self.gh
         with self._robust_sent:
@@ -448,21 +469,24 @@ class SimpleActionClient(actionlib.SimpleActionClient):
 
     def send_goal_and_wait(self, goal: Optional[genpy.Message], execute_timeout: Seconds = rospy.Duration(),
                            preempt_timeout: Seconds = rospy.Duration()) -> int:
-        """actionlib's, with timeouts in seconds, too (ros/ros_comm #1658)."""
+        """As in actionlib, but the timeouts may also be seconds (ros/ros_comm #1658)."""
         return super().send_goal_and_wait(goal, _duration(execute_timeout), _duration(preempt_timeout))
 
     def wait_for_result(self, timeout: Seconds = rospy.Duration()) -> bool:
-        """actionlib's, with a timeout in seconds, too. A negative one ends at once; actionlib's waits forever."""
+        """As in actionlib, on the ROS clock, but the timeout may also be seconds. With a negative timeout, actionlib
+        waits forever, and this method returns at once."""
         return super().wait_for_result(_duration(timeout))
 
     def cancel_goal(self) -> None:
-        """actionlib's sends a cancel of a goal that is over, and then says that it is LOST (ros/actionlib #126)."""
+        """actionlib also cancels a goal that is over, and then says that it is LOST (ros/actionlib #126). Here nothing
+        is sent or changed. A LOST goal is cancelled, since the server may still be working on it."""
         gh = self.gh
         if gh and not gh.comm_state_machine.latest_result:
             gh.comm_state_machine.cancel()
 
     def get_state(self) -> int:
-        """actionlib's is terminal before the result is there (ros/actionlib #116), and LOST while a goal is sent."""
+        """In actionlib, the state is terminal before the result has come (ros/actionlib #116), and LOST while a goal is
+        being sent. Here it is PENDING or ACTIVE until the result has come."""
         with self.action_client.manager.list_mutex:
             state = super().get_state()
             if self.gh and self.gh.get_comm_state() != CommState.DONE:
@@ -475,15 +499,15 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         state = self.get_state()
         if self._robust_no_server or not self.gh:
             return self._robust_no_server or "no goal was sent, or it is no longer tracked"
-        if state in (GoalStatus.PENDING, GoalStatus.ACTIVE):  # to_string is wrong for PENDING
+        if state in (GoalStatus.PENDING, GoalStatus.ACTIVE):  # to_string(0) is not "PENDING"
             return f"goal {'ACTIVE' if state == GoalStatus.ACTIVE else 'PENDING'}: no outcome so far"
         text = " ".join(self.get_goal_status_text().split()) or "the server gave no reason"
         return None if state == GoalStatus.SUCCEEDED else f"goal {GoalStatus.to_string(state)}: {text}"
 
     def _handle_transition(self, gh):
-        """actionlib's logs an error for a goal that was replaced, and waits forever after an active_cb or done_cb that
-        raises. It holds the goal's mutex during done_cb, so a goal that is sent in it has no outcome (ros/actionlib
-        #193). Here done_cb has a thread of its own."""
+        """actionlib logs an error for a goal that was replaced (ros/actionlib #177), and after an active_cb or done_cb
+        that raises it waits forever. It calls done_cb in the thread that brings results, so no outcome comes for a goal
+        that is sent there (#193). Here done_cb runs in its own thread, and what a callback raises is logged."""
         if gh == self.gh and gh.get_comm_state() == CommState.DONE:
             _start(self._robust_done, gh)
         elif gh == self.gh:
@@ -499,20 +523,20 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         with self.action_client.manager.list_mutex:
             if self.gh and self.gh != gh:  # done_cb has sent another goal
                 return
-            self._robust_no_server = None
+            self._robust_no_server = None  # from now on, get_failure() is about the outcome
             self._set_simple_state(SimpleGoalState.DONE)
         with self.done_condition:
             self.done_condition.notify_all()
 
     def _handle_feedback(self, gh, feedback):
-        """actionlib's logs an error for a goal that was replaced."""
+        """actionlib logs an error for a goal that was replaced, and so does rospy for a feedback_cb that raises."""
         if gh == self.gh:
             _call(super()._handle_feedback, gh, feedback)
 
     def _robust_watch(self, gh):
-        """actionlib's client waits forever for a server that was killed, or freezes. This thread ends the wait: the
-        goal is LOST. Until the goal is over, the thread keeps the client in memory, so that cancel_on_shutdown works
-        for a client that the program has dropped."""
+        """actionlib's client waits forever for a server that was killed or that hangs. This thread makes the goal LOST.
+        It also keeps the client in memory until the goal is over, so that cancel_on_shutdown works for a client that
+        the program has dropped."""
         limit, goal, silence = self._robust_heartbeat_timeout, gh.comm_state_machine, 0.0
         tick, now, ros = min(0.5, limit / 4), time.monotonic(), rospy.get_time()
         while True:
@@ -532,13 +556,13 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                         goal.lose(f"server lost: silent for {silence:.1f} s (heartbeat_timeout is {limit:g} s)")
 
     def _robust_shut_down(self, deadline):
-        """When the node is shut down, actionlib's client leaves its goal running. Here it is cancelled, and its outcome
-        awaited until deadline (time.monotonic()), if cancel_on_shutdown is set."""
+        """When the node is shut down, actionlib leaves the goal running. With cancel_on_shutdown, it is cancelled here,
+        and its outcome awaited until deadline (time.monotonic())."""
         goals, goal = self.action_client.manager.statuses, self.gh and self.gh.comm_state_machine
-        if self._robust_is_sending and goals:
+        if self._robust_is_sending and goals:  # Ctrl-C has interrupted send_goal
             goal = goals[-1]()
         if self._robust_cancel_on_shutdown and goal and not goal.latest_result:
-            is_lost = goal.state == CommState.DONE  # the server may still work, but no outcome comes
+            is_lost = goal.state == CommState.DONE  # the server may still be working, but no outcome will come
             goal.cancel()
             while not is_lost and self.simple_state != SimpleGoalState.DONE and time.monotonic() < deadline:
                 time.sleep(0.01)
@@ -549,13 +573,14 @@ class _GoalManager(GoalManager):
     """Makes the goals of a client."""
 
     def _generate_id(self):
-        """actionlib's gives two nodes of one name the same id while simulated time stands still."""
+        """actionlib gives two nodes with the same name the same ids while simulated time stands still. Here random
+        digits follow the time."""
         goal_id = super()._generate_id()
-        goal_id.id += f"0{random.SystemRandom().randrange(10**12):012d}"  # it still ends with a time
+        goal_id.id += f"{random.SystemRandom().randrange(10**12):012d}"
         return goal_id
 
     def init_goal(self, goal, transition_cb=None, feedback_cb=None):
-        """actionlib's, with our class of goals."""
+        """As in actionlib, but with _CommStateMachine."""
         action_goal = self.ActionGoal(rospy.Header(stamp=rospy.get_rostime()), self._generate_id(), goal)
         sent = _CommStateMachine(action_goal, transition_cb, feedback_cb, self.send_goal_fn, self.cancel_fn)
         with self.list_mutex:
@@ -565,14 +590,14 @@ class _GoalManager(GoalManager):
 
 
 class _CommStateMachine(CommStateMachine):
-    """What a client knows of a goal that it has sent."""
+    """What a client knows about a goal that it has sent."""
 
-    is_heard = True  # whether there was a sign of life since the watch has looked
+    is_heard = True  # whether there was a sign of life since the watch last looked
     unlisted_since: Optional[float] = None  # time.monotonic()
 
     def update_status(self, status_array):
-        """With actionlib's, a goal is LOST after one status without it, which may be older than the goal; and a result
-        that got lost is awaited forever (ros/actionlib #181)."""
+        """In actionlib, a goal is LOST after one status without it, which may be older than the goal, and a lost result
+        is awaited forever (ros/actionlib #181). Here there are limits in seconds."""
         with self.mutex:
             if any(one.goal_id.id == self.action_goal.goal_id.id for one in status_array.status_list):
                 self.is_heard, self.unlisted_since = True, None
@@ -581,39 +606,41 @@ class _CommStateMachine(CommStateMachine):
                 self._update_unlisted()
 
     def _update_unlisted(self):
-        last, limit, text = self.latest_goal_status, UNLISTED_FOR, "the server no longer knows the goal"
+        last = self.latest_goal_status
         if self.state == CommState.WAITING_FOR_RESULT:
+            self.is_heard = True  # the server is alive
             limit, state = RESULT_WITHIN, GoalStatus.to_string(last.status)
             text = f"the server reported {state}, and no result came within {limit:g} s"
-            self.is_heard = True  # the server lives
-        elif not last.goal_id.id:  # it was never listed, and may still be on its way
+        elif last.goal_id.id:
+            limit, text = UNLISTED_FOR, "the server no longer knows the goal"
+        else:  # never listed: it may still be on its way
             limit, text = RESULT_WITHIN, "cancelled, and the server never listed the goal"
         self.unlisted_since = self.unlisted_since or time.monotonic()
         if time.monotonic() - self.unlisted_since >= limit:
             self.lose(text)
 
     def update_result(self, action_result):
-        """actionlib's changes the state of a goal that is LOST (PR2/pr2_common #139)."""
+        """In actionlib, a late result changes the state of a LOST goal (PR2/pr2_common #139). Here it stays LOST."""
         with self.mutex:
             if self.state != CommState.DONE:
                 super().update_result(action_result)
 
     def update_feedback(self, action_feedback):
-        """actionlib's drops feedback that is handled after the result (ros/actionlib #213)."""
+        """actionlib drops feedback that is handled after the result (ros/actionlib #213). Here it is delivered."""
         if action_feedback.status.goal_id.id == self.action_goal.goal_id.id:
             self.is_heard = True
             if self.feedback_cb:
                 self.feedback_cb(ClientGoalHandle(self), action_feedback.feedback)
 
     def transition_to(self, state):
-        """actionlib's leaves DONE after a cancel (ros/actionlib #126)."""
+        """In actionlib, a cancel makes a goal leave DONE (ros/actionlib #126). Here it stays DONE."""
         with self.mutex:
             if self.state != CommState.DONE:
                 super().transition_to(state)
 
     def cancel(self):
-        """If Ctrl-C interrupts a ClientGoalHandle's cancel(), its locks stay locked until the shutdown is over, so no
-        cancel is sent. Here another thread sends it."""
+        """If Ctrl-C interrupts ClientGoalHandle.cancel(), rospy's lock stays locked until the shutdown is over, so that
+        no cancel can be sent. Here another thread, which is not interrupted, sends it."""
         sending = _start(self.send_cancel_fn, GoalID(id=self.action_goal.goal_id.id))
         if sending.is_alive():
             sending.join()
@@ -633,13 +660,14 @@ def _seconds(timeout):
 
 
 def _duration(timeout):
-    """Returns a timeout (Duration or s) as a Duration. 0 is no limit; one below 0 becomes 1 ms."""
+    """Returns a timeout (Duration or s) as a Duration. A negative one becomes 1 ms."""
     duration = timeout if isinstance(timeout, genpy.Duration) else rospy.Duration(timeout)
     return max(duration, rospy.Duration(0, 10**6)) if duration else duration
 
 
 def _check(message):
-    """Serialize a message as a trial: rospy sends half of one that it cannot serialize in front of the next one."""
+    """Serialize a message as a trial. rospy leaves half of a message that cannot be serialized in its buffer, and sends
+    it with the next one. Raises rospy.ROSSerializationException."""
     try:
         message.serialize(io.BytesIO())
     except Exception as error:
@@ -647,32 +675,32 @@ def _check(message):
 
 
 def _failure(what, error):
-    """Returns a text for the client: what has raised the error."""
+    """Returns the text for the client: what failed, and the error."""
     return f"{what} failed: {''.join(traceback.format_exception_only(type(error), error)).strip()}"
 
 
 def _call(callback, *args):
-    """Call a callback. What it raises, even SystemExit, is logged: it must not end a thread of rospy's or ours."""
+    """Call a callback. What it raises, even SystemExit, is logged and does not end the thread."""
     try:
         callback(*args)
     except BaseException as error:
-        if not (_stopping.is_set() and isinstance(error, rospy.ROSException)):  # the program has closed the topics
+        if not (_stopping.is_set() and isinstance(error, rospy.ROSException)):  # rospy has closed the topics
             rospy.logerr("a callback failed\n%s", traceback.format_exc())
 
 
 def _start(callback, *args):
-    """Call a callback in a daemon thread. Returns the thread."""
+    """Call a callback in a daemon thread, and return the thread."""
     thread = threading.Thread(target=_call, args=[callback, *args], daemon=True)
     try:
         thread.start()
-    except RuntimeError:  # Python 3.12 starts no thread while the interpreter ends
+    except RuntimeError:  # Python 3.12 starts no thread during the shutdown of the interpreter
         thread.run()
     return thread
 
 
 def _on_shutdown():
-    """End the goals of all servers and clients side by side. In threads, since this may run in a signal's handler, and
-    may have interrupted code that holds a lock. The function that waits for them is called after the program's own."""
+    """End the goals of all servers and clients, side by side. This uses threads because it may run in a signal handler
+    that has interrupted code with a lock. The function that waits for them is called after the program's own."""
     alive = list(_alive)  # before the watches end, which keep clients in memory
     _stopping.set()
     _wake_rates()
