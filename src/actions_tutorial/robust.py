@@ -126,7 +126,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         self._robust_patience = _seconds(shutdown_timeout)
         super().__init__(name, ActionSpec, execute_cb=None, auto_start=False)
         self._robust_overtaken = None  # the last goal that should stop for a newer one
-        self._robust_told = threading.local()  # .goal, in each thread: the last one that a rate has told to stop
+        self._robust_in_thread = threading.local()  # the last goals that it has .accepted, and .told by a rate to stop
         self.action_server = _ActionServer(
             name, ActionSpec, self.internal_goal_callback, self.internal_preempt_callback, auto_start=False)
         if execute_cb:
@@ -138,12 +138,13 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             self.action_server.start()
 
     def rate(self, hz: float) -> rospy.Rate:
-        """Returns a rospy.Rate for the loop that works on a goal. Its sleep() returns True at the end of the period, and
-        False at once when the goal should stop, because of a cancel, a newer goal or a shutdown.
+        """Returns a rospy.Rate for the loop that works on a goal. Its sleep() returns True at the end of the period,
+        and False at once when the goal should stop, because of a cancel, a newer goal or a shutdown.
 
         hz: 1/s, on the ROS clock. A loop that goes on after False keeps its pace: sleep() then returns False at the end
-        of each period. It also returns False once the goal that was active when the rate was made is over. This can
-        happen in servers with goal callbacks. Then return without set_preempted, which would end the newer goal.
+        of each period. In the thread that accepts the goals, such as that of execute_cb, a rate serves one goal after
+        the other. In another thread it belongs to the goal that was active when the rate was made, and sleep() also
+        returns False once that goal is over. Then return without set_preempted, which would end the newer goal.
         """
         return _Rate(hz, self)
 
@@ -202,7 +203,9 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 return None
             if self.is_active():
                 SimpleActionServer.set_preempted(self)  # like actionlib, this calls no override of a subclass
-            return super().accept_new_goal()
+            goal = super().accept_new_goal()
+            self._robust_in_thread.accepted = self.current_goal
+            return goal
 
     def register_goal_callback(self, cb: Optional[Callable[[], Any]]) -> None:
         """In actionlib, a goal whose cb raises has no outcome, and after SystemExit the server stays locked. Here the
@@ -351,13 +354,15 @@ class _Rate(rospy.Rate):
         """rospy.Rate's cannot be interrupted, and raises when the clock is set back. This one waits on the clock's
         condition, which _wake_rates() also notifies, and begins a new period when the clock is set back."""
         server, clock, called = self._server, rospy.rostime.get_rostime_cond(), rospy.get_rostime()
+        thread = server._robust_in_thread
+        self._goal = self._goal and getattr(thread, "accepted", self._goal)
         with clock:
             while True:
                 is_over = self._goal and self._goal is not server._robust_running_goal()
                 should_stop = bool(is_over or server.preempt_request or _stopping.is_set())
                 goal = self._goal or server.current_goal
-                if should_stop and getattr(server._robust_told, "goal", None) is not goal:
-                    server._robust_told.goal = goal
+                if should_stop and getattr(thread, "told", None) is not goal:
+                    thread.told = goal
                     return False
                 called = min(called, rospy.get_rostime())  # the clock may have been set back
                 left = self.remaining()
@@ -381,7 +386,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     heartbeat_timeout: s. If neither a status that lists the goal nor feedback comes for this long, the goal is LOST,
         and a cancel is sent in case the server is still running. A server sends its status five times a second. Time
         in which the ROS clock or this process stands still does not count. None: no limit.
-    cancel_on_shutdown: whether to cancel the goal when this node is shut down, and wait up to 2 s for its outcome.
+    cancel_on_shutdown: whether to cancel the goal when this node is shut down, and wait up to 2 s for its outcome. From
+        then on send_goal raises rospy.ROSInterruptException.
     Timeouts are Durations or seconds. Raises ValueError for a heartbeat_timeout that is not above 0.
     """
 
@@ -454,6 +460,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         In actionlib, a goal that cannot be sent corrupts the next one, and an answer that comes before this method
         returns is dropped (ros/actionlib #206). Here the answer waits for list_mutex until gh is set.
         """
+        if self._robust_cancel_on_shutdown and _stopping.is_set():  # rospy.is_shutdown() is still False
+            raise rospy.ROSInterruptException("no goal is sent while the node is shut down")
         expected, given = self.action_client.ActionGoal().goal._type, getattr(goal, "_type", type(goal).__name__)
         if goal is not None and given != expected:
             raise TypeError(f"the goal must be of type {expected}, not {given}")
@@ -558,14 +566,18 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     def _robust_shut_down(self, deadline):
         """When the node is shut down, actionlib leaves the goal running. With cancel_on_shutdown, it is cancelled here,
         and its outcome awaited until deadline (time.monotonic())."""
-        goals, goal = self.action_client.manager.statuses, self.gh and self.gh.comm_state_machine
-        if self._robust_is_sending and goals:  # Ctrl-C has interrupted send_goal
-            goal = goals[-1]()
-        if self._robust_cancel_on_shutdown and goal and not goal.latest_result:
-            is_lost = goal.state == CommState.DONE  # the server may still be working, but no outcome will come
+        if not self._robust_cancel_on_shutdown:
+            return
+        goals = [self.gh.comm_state_machine] if self.gh else []
+        if self._robust_is_sending:  # Ctrl-C has interrupted send_goal: the older goal may still run
+            goals = list(filter(None, (one() for one in self.action_client.manager.statuses)))
+        goals = [goal for goal in goals if not goal.latest_result]
+        is_awaited = any(goal.state != CommState.DONE for goal in goals)  # else they are LOST: no outcome will come
+        for goal in goals:
             goal.cancel()
-            while not is_lost and self.simple_state != SimpleGoalState.DONE and time.monotonic() < deadline:
-                time.sleep(0.01)
+        while is_awaited and self.simple_state != SimpleGoalState.DONE and time.monotonic() < deadline:
+            time.sleep(0.01)
+        for goal in goals:
             goal.lose(f"a cancel was sent on shutdown, and no outcome came within {self._robust_patience:g} s")
 
 
