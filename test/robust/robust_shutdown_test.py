@@ -146,11 +146,12 @@ class TestServer(unittest.TestCase):
         self.expect(client, waiting, RECALLED, SHUTTING_DOWN)
         self.assertNotIn(first, client.results)
 
-    def test_goal_that_comes_is_recalled_and_the_hook_of_3_s_ends(self):
+    def test_goals_that_come_are_recalled_and_the_hook_of_3_s_ends(self):
         client, goal = self.start_goal("rate", "3")
         self.ctrl_c()
         self.expect(client, goal, ABORTED, SHUTTING_DOWN, 1)
-        self.expect(client, client.send(1), RECALLED, SHUTTING_DOWN)
+        for _ in range(2):  # the server may not be done with its shutdown when the first one comes
+            self.expect(client, client.send(1), RECALLED, SHUTTING_DOWN)
         self.assertNotIn("hook ended", self.program.stdout)
         self.program.wait()
         self.assertIn("hook ended", self.program.stdout, self.program)
@@ -199,12 +200,6 @@ class TestClient(ScriptedCase):
         self.assertGreater(time.monotonic() - begun, 1.5)
         program.wait(10)
 
-    @parameterized.expand(["ctrl_c_in_send_goal", "ctrl_c_in_cancel_goal"])
-    def test_goal_is_cancelled_for(self, how):
-        program = self.start("ACTIVE cancel result:PREEMPTED", how)
-        self.eventually(lambda: self.results, "a cancel, and the result after it")
-        program.wait(10)
-
     def test_goal_of_another_client_is_not_cancelled(self):
         self.connect()
         self.send("ACTIVE go result:SUCCEEDED")
@@ -225,13 +220,14 @@ class TestClient(ScriptedCase):
         self.eventually(lambda: self.results, "a result")
         self.assertEqual("by script", self.results[0].status.text, "not cancelled")
 
-    def test_shutdown_from_done_cb_waits_for_nothing(self):
+    def test_shutdown_from_done_cb_neither_waits_nor_cancels(self):
         program = self.start("ACTIVE go result:SUCCEEDED", "signals_shutdown")
         self.go()
         program.expect("done_cb")
         begun = time.monotonic()
         self.assertEqual(0, program.wait(), program)
         self.assertLess(time.monotonic() - begun, 1.7, "the outcome would be awaited for 2 s")
+        self.assertEqual([], self.cancels)
 
 
 if __name__ == "__main__":

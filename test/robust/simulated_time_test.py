@@ -159,6 +159,7 @@ class TestOwnServer(ServerCase):
         rate = self.server.rate(1)
         slept = self.sleep(rate)
         self.clock.turn(-500)
+        self.assertEqual(1, rate.remaining().to_sec())
         self.clock.turn(0.5)
         time.sleep(PAUSE / 5)
         self.assertEqual([], slept)
