@@ -7,14 +7,12 @@ polls would never answer. SEED (1) and SEQUENCES (80) in the environment choose 
 import contextlib
 import os
 import random
-import sys
 import threading
 import unittest
 
 import rospy
 import rostest
 
-sys.path.insert(0, os.path.realpath(__file__ + "/../.."))  # test/, where support is
 from support.printed import bowls
 from support.raw_client import RawClient
 from support.simulated_clock import SimulatedClock

@@ -1,11 +1,7 @@
 #!/usr/bin/env python3
 """launch/wash_the_dishes.launch with robust:=true."""
-import os
-import sys
-
 import rostest
 
-sys.path.insert(0, os.path.realpath(__file__ + "/../.."))  # test/, where support is
 from launch_test import LaunchTest
 
 

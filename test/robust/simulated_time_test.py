@@ -1,37 +1,41 @@
 #!/usr/bin/env python3
-"""Both servers, robust's client and rate, on a clock in the test's hand: it stands still unless the test turns it."""
+"""Servers, robust's client and its rate on a clock in the test's hand: it stands still unless the test turns it.
+
+simulated_time.test sets /use_sim_time and starts the two nodes. TestOwnServer needs no node, and ACTIONLIB=plain in the
+environment has it try actionlib.
+"""
 import os
-import sys
 import threading
 import time
 import unittest
 
+import actionlib
 from actionlib_msgs.msg import GoalStatus
 from actions_tutorial import robust
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesGoal
+from parameterized import parameterized
 import rospy
 import rostest
 
-sys.path.insert(0, os.path.realpath(__file__ + "/../.."))  # test/, where support is
 from support.printed import bowls
-from support.processes import eventually, run
+from support.processes import eventually
 from support.raw_client import RawClient, wait_connected
+from support.server_case import ServerCase
 from support.simulated_clock import SimulatedClock
-from support.states import PREEMPTED, PREEMPTING, SUCCEEDED
+from support.states import PREEMPTED, PREEMPTING, RECALLED, SUCCEEDED
 
 PAUSE = 1.5  # s, real time, for what must not happen on a paused clock
 
 
-class ServerTests:
-    """What both servers promise."""
+class NodeTests:
+    """What both nodes promise."""
 
     namespace = None
 
     @classmethod
     def setUpClass(cls):
-        if not rospy.core.is_initialized():
-            rospy.init_node("simulated_time_test")
-            ServerTests.clock = SimulatedClock()
+        rospy.init_node("test")
+        cls.clock = SimulatedClock()
         cls.raw = RawClient(cls.namespace).wait_connected()
         cls.clock.turn_until_status_follows(cls.raw)
 
@@ -56,9 +60,9 @@ class ServerTests:
         self.assertEqual([float(second) for second in range(61)], [(stamp - begun).to_sec() for stamp in stamps])
 
     def test_paused_clock_is_no_silence_for_robusts_client(self):
-        client = robust.SimpleActionClient(
-            self.namespace + "/wash_dishes_as", WashTheDishesAction, heartbeat_timeout=0.5)
-        wait_connected(client, self.namespace + "/wash_dishes_as")
+        client = robust.SimpleActionClient(f"{self.namespace}/wash_dishes_as", WashTheDishesAction,
+                                           heartbeat_timeout=0.5)
+        wait_connected(client, f"{self.namespace}/wash_dishes_as")
         client.send_goal(WashTheDishesGoal(number_of_minutes=1))
         goal_id, = self.raw.wait(lambda: [one.goal_id.id for one in self.raw.status.status_list
                                           if one.status == GoalStatus.ACTIVE], "the goal is active")
@@ -70,7 +74,7 @@ class ServerTests:
         self.assertIsNone(client.get_failure())
 
 
-class TestActionServer(ServerTests, unittest.TestCase):
+class TestActionServer(NodeTests, unittest.TestCase):
 
     namespace = "/plain"
 
@@ -84,7 +88,7 @@ class TestActionServer(ServerTests, unittest.TestCase):
         self.raw.check_outcome(goal_id, PREEMPTED, bowls(2))
 
 
-class TestRobustActionServer(ServerTests, unittest.TestCase):
+class TestRobustActionServer(NodeTests, unittest.TestCase):
 
     namespace = "/robust"
 
@@ -97,45 +101,44 @@ class TestRobustActionServer(ServerTests, unittest.TestCase):
         self.raw.cancel(goal_id)
         self.raw.wait_result(goal_id)
 
-    def send_to_nobody(self, heartbeat_timeout=None):
-        """Send a goal for which there is no server. Returns the client, whose watch has begun."""
-        client = robust.SimpleActionClient("nobody", WashTheDishesAction, heartbeat_timeout=heartbeat_timeout)
-        client.send_goal(WashTheDishesGoal())
-        time.sleep(0.2)
-        return client
-
     def test_clock_that_jumps_ahead_is_no_silence_for_the_client(self):
-        client = self.send_to_nobody(heartbeat_timeout=4)
+        client = robust.SimpleActionClient("nobody", WashTheDishesAction, heartbeat_timeout=4)
+        client.send_goal(WashTheDishesGoal())
         for _ in range(3):
-            self.clock.turn(100)
             time.sleep(0.6)  # it looks every half second
+            self.clock.turn(100)
         self.assertEqual(GoalStatus.PENDING, client.get_state(), client.get_failure())
 
-    def test_client_notices_silence_when_the_clock_was_set_back(self):
-        client = self.send_to_nobody(heartbeat_timeout=0.5)
-        self.clock.turn(-500)
-        eventually(lambda: self.clock.turn(0.1) or client.get_state() == GoalStatus.LOST, "LOST", timeout=10, pause=0.1)
 
-    def test_wait_for_result_ends_in_time_after_clock_was_set_back(self):
-        client, ended = self.send_to_nobody(), threading.Event()
-        threading.Thread(target=lambda: client.wait_for_result(2) or ended.set()).start()
-        time.sleep(0.2)
-        for seconds in -500, 1, 0.75:
-            self.clock.turn(seconds)
-            self.assertFalse(ended.wait(0.3))
-        self.clock.turn(0.5)
-        self.assertTrue(ended.wait(5))
+class TestOwnServer(ServerCase):
+    """A server in this process, and its rate."""
 
-
-class TestRate(unittest.TestCase):
-    """The rate of a server in this process."""
+    library = actionlib if os.environ.get("ACTIONLIB") == "plain" else robust
 
     @classmethod
     def setUpClass(cls):
-        rospy.init_node("simulated_time_test")
-        cls.server = robust.SimpleActionServer("rate", WashTheDishesAction, auto_start=False)
-        cls.early = cls.server.rate(1)
+        super().setUpClass()
         cls.clock = SimulatedClock()
+
+    # A clock that is set back
+
+    def test_goal_after_a_cancel_and_a_clock_set_back_is_served(self):
+        self.free.set()
+        self.serve(self.work_until_free)
+        self.client.cancel(stamp=self.clock.now)
+        self.expect(self.client.send(0, stamp=self.clock.now), RECALLED)
+        self.clock.turn(-200)
+        self.expect(self.client.send(0), SUCCEEDED)
+
+    def test_status_goes_on_when_the_clock_is_set_back(self):
+        self.serve(self.work_until_free)
+        self.clock.turn_until_status_follows(self.client)
+        self.clock.turn(-200)
+        later = self.clock.now + rospy.Duration(1)
+        self.client.wait(lambda: self.clock.turn(0.1) or later < self.client.status.header.stamp <= self.clock.now,
+                         "a status", timeout=10)
+
+    # rate
 
     def sleep(self, *rates):
         """Have a thread for each rate sleep on it, and wait until they do. Returns a list that gets what sleep()
@@ -151,44 +154,36 @@ class TestRate(unittest.TestCase):
         time.sleep(PAUSE / 5)
         return slept
 
-    def turn_until(self, seconds, slept):
-        """Turn the clock on by seconds, in two steps. Expect that sleep() returns after the second one."""
-        self.clock.turn(seconds / 2)
-        time.sleep(PAUSE / 5)
-        self.assertEqual([], slept)
-        self.clock.turn(seconds / 2)
-        eventually(lambda: slept == [True], "the end of the period", timeout=10)
-
-    def test_rate_made_before_the_clock_sleeps_its_period(self):
-        slept = self.sleep(self.early)
-        self.turn_until(1, slept)
-
     def test_clock_set_back_begins_one_period_anew(self):
+        self.serve(self.work_until_free)
         rate = self.server.rate(1)
         slept = self.sleep(rate)
         self.clock.turn(-500)
         self.assertEqual(1, rate.remaining().to_sec())
-        self.turn_until(1, slept)
+        self.clock.turn(0.5)
+        time.sleep(PAUSE / 5)
+        self.assertEqual([], slept)
+        self.clock.turn(0.5)
+        eventually(lambda: slept == [True], "the end of the period", timeout=10)
         self.clock.turn(0.5)  # work
         self.assertEqual(0.5, rate.remaining().to_sec())
 
-    def test_late_rate_catches_up_as_rospys_does(self):
-        self.check_as_rospys(1.5, 0.25, 0.25)
-
-    def test_rate_that_is_too_late_gives_up_as_rospys_does(self):
-        self.check_as_rospys(5.25, 1)
+    @parameterized.expand([("catches_up", [1.5, 0.25, 0.25]), ("gives_up", [5.25, 1])])
+    def test_late_rate_does_as_rospys(self, _, turns):
+        self.serve(self.work_until_free)
+        self.check_as_rospys(self.server.rate(1), rospy.Rate(1), turns)
 
     def test_clock_that_jumps_during_a_sleep_is_as_with_rospys(self):
+        self.serve(self.work_until_free)
         rates = self.server.rate(1), rospy.Rate(1)
         slept = self.sleep(*rates)
         self.clock.turn(5.25)
         eventually(lambda: len(slept) == 2, "the end of the period", timeout=10)
-        self.check_as_rospys(0, 1, rates=rates)
+        self.check_as_rospys(*rates, [0, 1])
 
-    def check_as_rospys(self, *turns, rates=None):
-        """Turn the clock on by each of turns, and sleep as often as a rate is late: as often as rospy's, and both have
-        the same time left."""
-        ours, rospys = rates or (self.server.rate(1), rospy.Rate(1))
+    def check_as_rospys(self, ours, rospys, turns):
+        """Turn the clock on by each of turns (s), and sleep as often as a rate is late: as often as rospy's, and both
+        have the same time left."""
         for seconds in turns:
             self.clock.turn(seconds)
             while rospys.remaining() <= rospy.Duration():
@@ -196,20 +191,6 @@ class TestRate(unittest.TestCase):
                 rospys.sleep()
                 self.assertTrue(ours.sleep())
             self.assertEqual(rospys.remaining(), ours.remaining())
-
-    def test_sleep_after_a_shutdown_raises(self):
-        output = run(sys.executable, "-c", """if True:
-            from actions_tutorial import msg, robust
-            import rospy
-            rospy.init_node("interrupted")
-            rate = robust.SimpleActionServer("interrupted", msg.WashTheDishesAction, auto_start=False).rate(1)
-            rospy.signal_shutdown("done")
-            print(rate.sleep())
-            try:
-                rate.sleep()
-            except rospy.ROSInterruptException:
-                print("interrupted")""", timeout=30)
-        self.assertEqual("False\ninterrupted\n", output)
 
 
 if __name__ == "__main__":

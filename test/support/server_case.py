@@ -1,4 +1,6 @@
-"""What tests of servers share: a server of wash_dishes_as in the test's own process, and its client."""
+"""What tests of servers share: a server of wash_dishes_as in the test's own process, and its client; the command that
+starts server_programs.py."""
+import sys
 import threading
 import unittest
 
@@ -9,6 +11,8 @@ import rospy
 from support.processes import eventually
 from support.raw_client import RawClient
 from support.states import ACTIVE
+
+PROGRAM = sys.executable, "-m", "robust.server_programs"  # a command, but for the name and arguments of the program
 
 
 class ServerCase(unittest.TestCase):
@@ -64,14 +68,14 @@ class ServerCase(unittest.TestCase):
     def send_active(self, number_of_minutes, **options):
         """Send a goal, and wait until it is ACTIVE and has started. Returns its id."""
         goal = self.client.send(number_of_minutes, **options)
-        self.client.wait(lambda: ACTIVE in self.client.states.get(goal, []), "%s is ACTIVE" % goal)
-        eventually(lambda: number_of_minutes in self.started, "%s has started" % goal, self.client)
+        self.client.wait(lambda: ACTIVE in self.client.states.get(goal, []), f"{goal} is ACTIVE")
+        eventually(lambda: number_of_minutes in self.started, f"{goal} has started", self.client)
         return goal
 
-    def send_waiting(self, number_of_minutes):
+    def send_waiting(self, number_of_minutes, **options):
         """Send a goal, and wait until the server has it. Returns its id."""
-        goal = self.client.send(number_of_minutes)
-        self.client.wait(lambda: goal in self.client.states, "%s in the status" % goal)
+        goal = self.client.send(number_of_minutes, **options)
+        self.client.wait(lambda: goal in self.client.states, f"{goal} in the status")
         return goal
 
     def expect(self, goal, state, text=None):
