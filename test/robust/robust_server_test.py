@@ -115,6 +115,21 @@ class TestRate(ServerCase):
             self.assertIs(False, rate.sleep())
         self.assertLess(time.monotonic() - begun, 8, "its period is 10 s")
 
+    def test_rate_serves_the_goal_that_its_thread_accepts_next(self):
+        def execute_cb(_):
+            rate = self.server.rate(20)
+            while rate.sleep():
+                pass
+            newer = self.server.accept_new_goal()  # as move_base does
+            self.started.append((newer.number_of_minutes, rate.sleep()))
+            self.server.set_succeeded()
+
+        self.serve(execute_cb)
+        self.client.send(1)
+        eventually(self.server.is_active, "a goal that runs", self.client)
+        self.expect(self.client.send(2), SUCCEEDED)
+        self.assertEqual([(2, True)], self.started)
+
     def test_sleep_wakes_while_a_callback_holds_the_locks(self):
         slept = []
         self.serve(goal_cb=self.accept, preempt_cb=lambda: slept.append(in_thread(self.server.rate(0.01).sleep)))

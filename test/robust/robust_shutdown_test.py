@@ -211,6 +211,13 @@ class TestClient(ScriptedCase):
         self.expect(SUCCEEDED)
         self.assertEqual("by script", self.client.get_goal_status_text(), "not cancelled")
 
+    def test_loop_over_goals_sends_no_goal_during_the_shutdown(self):
+        program = self.start("ACTIVE cancel result:PREEMPTED", "patrols")
+        program.signal(signal.SIGINT)
+        program.wait()
+        self.eventually(lambda: self.results, "the result")
+        self.assertEqual(1, len(self.goals))
+
     def test_by_default_the_goal_goes_on(self):
         program = self.start("ACTIVE go result:SUCCEEDED", "default")
         program.signal(signal.SIGINT)

@@ -171,6 +171,7 @@ def shutdown_client(words, how):
     * default: without cancel_on_shutdown.
     * cancels: with cancel_on_shutdown.
     * signals_shutdown: the same, and done_cb calls rospy.signal_shutdown.
+    * patrols: the same, and a thread sends the goal again and again until rospy.is_shutdown().
     """
     def done_cb(*_):
         if how == "signals_shutdown":
@@ -181,7 +182,16 @@ def shutdown_client(words, how):
     client = robust.SimpleActionClient("scripted", TestRequestAction, cancel_on_shutdown=how != "default")
     client.wait_for_server()
     active = threading.Event()
-    client.send_goal(TestRequestGoal(result_text=words), done_cb, active.set)
+
+    def patrol():
+        while not rospy.is_shutdown():
+            client.send_goal(TestRequestGoal(result_text=words), done_cb, active.set)
+            client.wait_for_result()
+
+    if how == "patrols":
+        threading.Thread(target=patrol, daemon=True).start()
+    else:
+        client.send_goal(TestRequestGoal(result_text=words), done_cb, active.set)
     active.wait()
     print("active", flush=True)
     over = client.wait_for_result()
