@@ -1,8 +1,6 @@
 #!/usr/bin/env python3
 """robust_action_client.py with robust_action_server.py, as its user sees it; and each with the plain one."""
-import os
 import signal
-import sys
 import time
 import unittest
 
@@ -11,7 +9,6 @@ from rosgraph_msgs.msg import Log
 import rospy
 import rostest
 
-sys.path.insert(0, os.path.realpath(__file__ + "/../.."))  # test/, where support is
 from client_test import ClientTests
 from support.printed import bowls, printed_bowls
 from support.processes import eventually
