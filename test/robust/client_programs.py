@@ -22,17 +22,16 @@ library = actionlib if os.environ.get("ACTIONLIB") == "plain" else robust
 
 # The shutdown
 
-def sends_goal(words, option, value, hook="0"):
-    """Sends a goal of these words with a client that has this option, waits for its outcome, and prints what comes.
-    hook: s that a function given to rospy.on_shutdown takes."""
+def sends_goal(words, option, value):
+    """Sends a goal of these words with a client that has this option, waits for it and for 2 s more."""
     rospy.init_node("sends_goal")
-    rospy.on_shutdown(lambda: time.sleep(float(hook)))
     client = robust.SimpleActionClient("scripted", TestRequestAction, **{option: float(value)})
     client.wait_for_server()
     # os.write, since the signal may have interrupted print().
     client.send_goal(TestRequestGoal(result_text=words), done_cb=lambda state, _: os.write(
         1, f"done_cb {NAMES[state]}\n".encode()), active_cb=lambda: os.write(1, b"active\n"))
     client.wait_for_result()
+    time.sleep(2)
 
 
 class Interrupting(str):

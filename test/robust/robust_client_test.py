@@ -25,7 +25,7 @@ from parameterized import parameterized
 import rospy
 import rostest
 
-from support.processes import Group, eventually
+from support.processes import Group
 from support.raw_client import RawClient
 from support.scripted import SCRIPTED_SERVER, ScriptedCase, script
 from support.states import ABORTED, ACTIVE, PENDING, PREEMPTED, SUCCEEDED
@@ -169,7 +169,7 @@ class TestRobustClient(ScriptedCase):
         self.send("0.1 ACTIVE feedback feedback feedback result:SUCCEEDED",
                   feedback_cb=lambda feedback: time.sleep(0.2) or self.feedback.append(feedback))
         self.expect(SUCCEEDED)
-        eventually(lambda: len(self.feedback) == 3, "feedback three times", self.server, timeout=5)
+        self.eventually(lambda: len(self.feedback) == 3, "feedback three times")
 
     def test_done_cb_and_preempt_callback_do_not_deadlock(self):
         def done_cb(*_):
@@ -199,22 +199,24 @@ class TestRobustClient(ScriptedCase):
 
     # Waits
 
-    @parameterized.expand([("int", 1, 1), ("float", 0.5, 0.5), ("duration", rospy.Duration(0.5), 0.5),
-                           ("negative", -1, 0), ("negative_duration", rospy.Duration(-1), 0)])
+    def test_timeouts_may_be_seconds(self):
+        self.send("0.2 ACTIVE 0.3 result:SUCCEEDED")
+        self.assertTrue(self.client.wait_for_result(self.patience))
+        self.assertTrue(self.client.wait_for_server(0))  # no limit
+        self.assertEqual(SUCCEEDED, self.client.send_goal_and_wait(script("0.2 ACTIVE 0.3 result:SUCCEEDED"), 0, 0.0))
+
+    @parameterized.expand([("int", 1, 1), ("float", 0.5, 0.5), ("negative", -1, 0), ("duration", rospy.Duration(-1), 0)])
     def test_wait_for_result_ends_after_its_timeout(self, _, timeout, seconds):
         self.send("ACTIVE")
         begun = time.monotonic()
         self.assertFalse(self.client.wait_for_result(timeout))
         self.assertTrue(seconds - 0.05 < time.monotonic() - begun < seconds + 2)
 
-    @parameterized.expand([
-        ("in_time", "ACTIVE 0.3 result:SUCCEEDED", rospy.Duration(30), 30, SUCCEEDED, 0),
-        ("no_limit", "ACTIVE 0.3 result:SUCCEEDED", 0, 0.0, SUCCEEDED, 0),
-        ("execute_timeout", "ACTIVE cancel result:PREEMPTED", 0.3, 30, PREEMPTED, 1),
-        ("preempt_timeout", "ACTIVE", rospy.Duration(0.3), 0.3, ACTIVE, 1)])
-    def test_send_goal_and_wait(self, _, words, execute_timeout, preempt_timeout, state, cancels):
+    @parameterized.expand([("execute_timeout", "ACTIVE cancel result:PREEMPTED", 0.3, 30, PREEMPTED),
+                           ("preempt_timeout", "ACTIVE", rospy.Duration(0.3), 0.3, ACTIVE)])
+    def test_send_goal_and_wait_cancels_after(self, _, words, execute_timeout, preempt_timeout, state):
         self.assertEqual(state, self.client.send_goal_and_wait(script(words), execute_timeout, preempt_timeout))
-        self.eventually(lambda: len(self.cancels) == cancels, f"{cancels} cancels")
+        self.eventually(lambda: self.cancels, "a cancel")
 
     def test_timeout_that_is_no_number_raises_and_sends_nothing(self):
         for timeouts in ("1", 1), (1, None):
@@ -261,7 +263,7 @@ class TestRobustClient(ScriptedCase):
         self.expect(SUCCEEDED, 7)
         self.client.cancel_goal()
         self.go()
-        eventually(lambda: self.feedback, "the last word of the script", self.server, timeout=self.patience)
+        self.eventually(lambda: self.feedback, "the last word of the script")
         self.expect(SUCCEEDED, 7)
         self.assertEqual(([], [(SUCCEEDED, 7)]), (self.cancels, self.done))
         self.assertEqual(CommState.DONE, self.client.gh.get_comm_state())
@@ -368,7 +370,7 @@ class TestRobustClient(ScriptedCase):
         self.assertRaises(ValueError, self.connect, heartbeat_timeout=wrong)
 
     def test_silence_after_ctrl_c_loses_no_goal(self):
-        program = self.programs.start(*PROGRAM, "sends_goal", "ACTIVE", "heartbeat_timeout", "1", "2.5")
+        program = self.programs.start(*PROGRAM, "sends_goal", "ACTIVE", "heartbeat_timeout", "1")
         program.expect("active")
         program.signal(signal.SIGINT)
         program.wait()
@@ -383,13 +385,9 @@ class TestRobustClient(ScriptedCase):
         self.assertEqual(PREEMPTED, self.results[0].status.status)
         program.wait()
 
-    def test_lost_goal_is_cancelled_on_shutdown_at_once(self):
-        program = self.programs.start(
+    def test_lost_goal_is_cancelled_on_shutdown(self):
+        self.programs.start(
             *PROGRAM, "sends_goal", "ACTIVE unlisted cancel result:PREEMPTED", "cancel_on_shutdown", "1")
-        program.expect("done_cb LOST")
-        begun = time.monotonic()
-        self.assertEqual(0, program.wait(), program)
-        self.assertLess(time.monotonic() - begun, 1.7, "an outcome would be awaited for 2 s")
         self.eventually(lambda: self.results, "a cancel, and the result after it")
 
     # get_failure

@@ -24,7 +24,7 @@ class ScriptedCase(unittest.TestCase):
     lines of this node's log (Log)."""
 
     library = None  # the module whose SimpleActionClient is tried
-    patience = 30  # s for the outcome of a goal
+    patience = 30  # s for each wait
 
     @classmethod
     def setUpClass(cls):
@@ -84,7 +84,7 @@ class ScriptedCase(unittest.TestCase):
             self.go_pub.publish(goal.goal_id.id)
 
     def eventually(self, condition, what):
-        eventually(condition, what, self.server)
+        eventually(condition, what, self.server, timeout=self.patience)
 
     def wait_state(self, state):
         self.eventually(lambda: self.client.get_state() == state, "state %d" % state)
