@@ -1,6 +1,5 @@
 """What tests of clients share: the action `scripted`, which scripted_server.py serves as each goal says."""
 import gc
-import os
 import sys
 import unittest
 
@@ -12,8 +11,7 @@ from std_msgs.msg import String
 
 from support.processes import Group, eventually
 
-TESTS = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
-PROGRAMS = os.path.join(TESTS, "robust", "programs.py")
+SCRIPTED_SERVER = sys.executable, "-m", "support.scripted_server"
 
 
 def script(words, the_result=0):
@@ -21,35 +19,23 @@ def script(words, the_result=0):
     return TestRequestGoal(result_text=words, the_result=the_result)
 
 
-class Programs(Group):
-    """Programs of the tests, on the master of the test."""
-
-    def scripted_server(self, **env):
-        """Start scripted_server.py. -> Process"""
-        return self.start(sys.executable, os.path.join(TESTS, "support", "scripted_server.py"), **env)
-
-    def program(self, name, *arguments, **env):
-        """Start programs.py NAME. -> Process"""
-        return self.start(sys.executable, PROGRAMS, name, *arguments, **env)
-
-
 class ScriptedCase(unittest.TestCase):
     """goals, cancels, results: the messages on these topics of the action, without late cancels of an older test; log:
     lines of this node's log (Log)."""
 
     library = None  # the module whose SimpleActionClient is tried
-    patience = 30  # s for the outcome of a goal
+    patience = 30  # s for each wait
 
     @classmethod
     def setUpClass(cls):
         rospy.init_node("test")
-        cls.goals, cls.all_cancels, cls.results, cls.log, cls.programs = [], [], [], [], Programs()
+        cls.goals, cls.all_cancels, cls.results, cls.log, cls.programs = [], [], [], [], Group()
         cls.go_pub = rospy.Publisher("scripted/go", String, queue_size=10)
         rospy.Subscriber("scripted/goal", TestRequestActionGoal, cls.goals.append)
         rospy.Subscriber("scripted/cancel", GoalID, cls.all_cancels.append)
         rospy.Subscriber("scripted/result", TestRequestActionResult, cls.results.append)
         rospy.Subscriber("/rosout", Log, lambda line: cls.log.append(line) if line.name == rospy.get_name() else None)
-        cls.server = cls.programs.scripted_server()
+        cls.server = cls.programs.start(*SCRIPTED_SERVER)
         # All clients of a node share its connections, so this one makes sure of them.
         cls.first, feedback = cls.library.SimpleActionClient("scripted", TestRequestAction), []
 
@@ -98,7 +84,7 @@ class ScriptedCase(unittest.TestCase):
             self.go_pub.publish(goal.goal_id.id)
 
     def eventually(self, condition, what):
-        eventually(condition, what, self.server)
+        eventually(condition, what, self.server, timeout=self.patience)
 
     def wait_state(self, state):
         self.eventually(lambda: self.client.get_state() == state, "state %d" % state)

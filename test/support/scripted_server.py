@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 """A node that serves the action `scripted` (actionlib/TestRequest) on its five topics as the goals say.
 
 result_text of a goal is its script: words that are carried out one after the other, in a thread of its own.
