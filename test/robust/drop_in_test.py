@@ -232,20 +232,6 @@ class TestServer(ServerCase):
         self.server.current_goal.set_succeeded()
         self.expect(goal, SUCCEEDED)
 
-    def test_execute_condition_may_be_waited_on_beside_execute_cb(self):
-        waits = threading.Event()
-
-        def wait():
-            with self.server.execute_condition:
-                waits.set()
-                self.server.execute_condition.wait(30)
-
-        self.serve(self.work_until_free)
-        threading.Thread(target=wait, daemon=True).start()
-        self.assertTrue(waits.wait(30))
-        for _ in range(2):  # a notification for one thread would miss that of execute_cb once
-            self.expect(self.client.send(0), SUCCEEDED)
-
 
 if __name__ == "__main__":
     rostest.rosrun("actions_tutorial", "drop_in", "drop_in_test")

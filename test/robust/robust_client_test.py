@@ -269,17 +269,17 @@ class TestRobustClient(ScriptedCase):
         self.assertEqual(CommState.DONE, self.client.gh.get_comm_state())
 
     def test_unlisted_goal_is_lost_after_1_s_and_stays_lost(self):
-        self.send("ACTIVE 0.2 unlisted go ACTIVE result:SUCCEEDED")
+        self.send("ACTIVE 0.2 unlisted cancel ACTIVE result:SUCCEEDED")
         self.wait_state(ACTIVE)
         begun = time.monotonic()
         self.expect(LOST)
         self.assertLess(time.monotonic() - begun, 4)
-        self.go()
+        self.client.cancel_goal()
         self.eventually(lambda: self.results, "a late result")
         self.assertFalse(self.client.get_result())
         self.expect(LOST)
         self.assertEqual("the server no longer knows the goal", self.client.get_goal_status_text())
-        self.assertEqual(([(LOST, None)], []), (self.done, self.cancels))
+        self.assertEqual([(LOST, None)], self.done)
 
     def test_status_that_lists_the_goal_again_keeps_it(self):
         self.send("ACTIVE unlisted 0.3 ACTIVE 1 unlisted 0.3 ACTIVE 0.1 result:SUCCEEDED")
@@ -314,7 +314,7 @@ class TestRobustClient(ScriptedCase):
         self.assertEqual([self.goals[0].goal_id.id], [one.id for one in self.cancels])
 
     @parameterized.expand([
-        ("feedback_and_status", "ACTIVE silent 1.2 feedback 1.2 ACTIVE 1.2 feedback result:SUCCEEDED"),
+        ("feedback_and_status", "ACTIVE silent 1.4 feedback 1.4 ACTIVE 1.4 feedback result:SUCCEEDED"),
         ("feedback_shortly_before_the_timeout", "silent ACTIVE 0.4 feedback 1.7 feedback 0.1 result:SUCCEEDED"),
         ("status_before_the_result", "ACTIVE SUCCEEDED 0.2 unlisted 3 result:SUCCEEDED")])
     def test_sign_of_life(self, _, words):
@@ -327,7 +327,7 @@ class TestRobustClient(ScriptedCase):
         self.connect(heartbeat_timeout=2)
         self.send("ACTIVE silent go result:SUCCEEDED")
         self.wait_state(ACTIVE)
-        for _ in range(2):
+        for _ in range(3):
             ctypes.PyDLL(None).usleep(1500000)  # keeps the interpreter's lock, so no other thread runs
             time.sleep(0.1)
         self.go()
@@ -360,7 +360,8 @@ class TestRobustClient(ScriptedCase):
     def test_300_quick_goals_leave_few_threads(self):
         self.connect(heartbeat_timeout=30, cancel_on_shutdown=True)
         before = threading.active_count()
-        for _ in range(300):
+        for _ in range(150):
+            self.send("")
             self.send("result:SUCCEEDED")
             self.expect(SUCCEEDED)
         self.assertLess(threading.active_count() - before, 20)
