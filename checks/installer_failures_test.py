@@ -89,7 +89,6 @@ def test_sudo_that_asks_for_a_password_is_named(machine):
 def test_root_in_a_users_home_is_told_to_go_without_sudo(machine):
     machine.let_sudo()
     fails(machine, "run it without sudo", "demo", by=["sudo", "HOME=/home/learner"])
-    assert not (machine.path / "home/learner/.cache").exists()
 
 
 @pytest.mark.parametrize("ros", ["noetic", "one"])

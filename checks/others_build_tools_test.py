@@ -75,10 +75,10 @@ def test_rostests_pass_on_python_3_8(tmp_path):
     # Debian's rospy goes by these, which are not all Python.
     run(python, "-m", "pip", "install", "-q", "netifaces", "numpy", "psutil", "PyYAML", PYTHONPATH="", timeout=300)
     (tmp_path / "venv/lib/python3.8/site-packages/debian.pth").write_text("/usr/lib/python3/dist-packages\n")
-    (tmp_path / "src").mkdir()
-    (tmp_path / "src/actions_tutorial").symlink_to(PACKAGE)
+    copy_package(tmp_path / "src/actions_tutorial")
     run(*terminal("%s/venv/bin:%s" % (tmp_path, SYSTEM)), "catkin_make", "-C", str(tmp_path), "-DPYTHON_EXECUTABLE=" +
-        python, "-DCATKIN_ENABLE_TESTING=ON", "-j2", "run_tests", timeout=1200, ROS_HOME=str(tmp_path / "home"))
+        python, "-DCATKIN_ENABLE_TESTING=ON", "-j2", "run_tests", timeout=1200, ROS_HOME=str(tmp_path / "home"),
+        ROS_HOSTNAME="localhost")
     assert count_results(str(tmp_path / "build/test_results")) == 0
 
 
