@@ -91,12 +91,11 @@ def test_root_in_a_users_home_is_told_to_go_without_sudo(machine):
     fails(machine, "run it without sudo", "demo", by=["sudo", "HOME=/home/learner"])
 
 
-@pytest.mark.parametrize("ros", ["noetic", "one"])
-def test_ros_in_opt_is_used(machine, ros):
+def test_ros_one_in_opt_is_used(machine):
     machine.let_sudo()
-    (machine.path / "opt/ros" / ros).mkdir(parents=True)
-    (machine.path / "opt/ros" / ros / "setup.bash").touch()
-    fails(machine, "does not know .*ros-%s-actionlib " % ros, "demo")
+    (machine.path / "opt/ros/one").mkdir(parents=True)
+    (machine.path / "opt/ros/one/setup.bash").touch()
+    fails(machine, "does not know .*ros-one-actionlib ", "demo")
     machine.run("rm", "-r", "/opt/ros", user="root")
 
 
