@@ -7,9 +7,9 @@ import subprocess
 
 import pytest
 
-from conftest import ROOT, on_terminal
+from machines import on_terminal
 from support.printed import bowls, printed_bowls
-from support.processes import Group, run
+from support.processes import Group, PACKAGE, run
 
 pytestmark = pytest.mark.needs("root", "debootstrap", "podman", "runc", "script")
 # Podman works in a container, too: there is no cgroup to be had, no network, and no limit above ours.
@@ -30,13 +30,13 @@ def podman(debian, tmp_path_factory):
 
 
 def test_demo_and_second_terminal_in_a_container_with_a_home(podman):
-    with open(os.path.join(ROOT, "tutorial"), encoding="utf-8") as file:
+    with open(os.path.join(PACKAGE, "tutorial"), encoding="utf-8") as file:
         options, command = re.search("^docker run (.*) debian:12 (.*)$", file.read(), re.M).groups()
 
     with Group() as group:
         def container(command):
             line = podman + RUN + "%s bare %s" % (options, command)
-            return group.start(*on_terminal("sh", "-c", 'cd "$0" && ' + line, ROOT), stdin=subprocess.PIPE)
+            return group.start(*on_terminal("sh", "-c", 'cd "$0" && ' + line, PACKAGE), stdin=subprocess.PIPE)
 
         terminal = container(command)
         terminal.expect("^  - bowl-6", 600)

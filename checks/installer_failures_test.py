@@ -4,7 +4,7 @@ import subprocess
 
 import pytest
 
-from conftest import Machine
+from machines import Machine
 from support.processes import eventually
 
 pytestmark = pytest.mark.needs("root", "debootstrap", "ip", "nsenter")
@@ -25,11 +25,13 @@ def ready(machine):
     machine.run(machine.tutorial, "shell", "true")
 
 
-def fails(machine, words, *command, **options):
-    """The last line on stderr says why."""
-    process = machine.start(machine.tutorial, *command, **options)
+def fails(machine, words, *command, by=(), **options):
+    """The last line on stderr says why. by: words (str) before ./tutorial. Returns what words (regex) found."""
+    process = machine.start(*by, machine.tutorial, *command, **options)
     assert process.wait(600) > 0, "expected a failure of %s" % process
-    assert re.search("^tutorial: .*" + words, process.stderr.splitlines()[-1]), "expected /%s/ of %s" % (words, process)
+    found = re.search("^tutorial: .*" + words, process.stderr.splitlines()[-1])
+    assert found, "expected /%s/ of %s" % (words, process)
+    return found
 
 
 def interrupted(machine, words, *command):
@@ -63,6 +65,13 @@ def test_what_is_missing_is_named(machine, words, command, options):
     fails(machine, words, *command.split(), **options)
 
 
+def test_a_repository_without_its_key_is_named(machine):
+    machine.run("rm", "-r", "/var/lib/apt/lists", user="root")  # it would go by these
+    other = "deb [signed-by=/usr/share/keyrings/debian-archive-bookworm-security-automatic.gpg] "
+    with machine.changed("/etc/apt/sources.list", lambda text: text.replace("deb ", other)):
+        fails(machine, "key has expired or is missing.* not know .*catkin .*NO_PUBKEY", "demo", user="root")
+
+
 @pytest.mark.parametrize("file, change, words", [
     ("/usr/bin/apt-get", None, "no apt-get .*"),
     ("/etc/apt/sources.list", lambda text: text.replace(" main", " contrib"), "not know .*catkin.* container.*")],
@@ -77,12 +86,16 @@ def test_sudo_that_asks_for_a_password_is_named(machine):
     fails(machine, "sudo is needed", "demo")
 
 
-@pytest.mark.parametrize("ros", ["noetic", "one"])
-def test_ros_in_opt_is_used(machine, ros):
+def test_root_in_a_users_home_is_told_to_go_without_sudo(machine):
     machine.let_sudo()
-    (machine.path / "opt/ros" / ros).mkdir(parents=True)
-    (machine.path / "opt/ros" / ros / "setup.bash").touch()
-    fails(machine, "does not know .*ros-%s-actionlib " % ros, "demo")
+    fails(machine, "run it without sudo", "demo", by=["sudo", "HOME=/home/learner"])
+
+
+def test_ros_one_in_opt_is_used(machine):
+    machine.let_sudo()
+    (machine.path / "opt/ros/one").mkdir(parents=True)
+    (machine.path / "opt/ros/one/setup.bash").touch()
+    fails(machine, "does not know .*ros-one-actionlib ", "demo")
     machine.run("rm", "-r", "/opt/ros", user="root")
 
 
@@ -121,6 +134,28 @@ def test_nothing_is_built_beneath_tests(machine, ready):
         shell.expect("waiting for another ./tutorial")
         assert tests.wait(300) == 0, str(tests)
         assert shell.wait(300) == 0 and "building in" in shell.stderr, str(shell)
+
+
+@pytest.mark.parametrize("place", ["", "/actions_tutorial/*/devel"])
+def test_a_folder_that_is_roots_is_given_back(machine, ready, place):
+    machine.run("sh", "-c", "chown -R root /home/learner/.cache" + place, user="root")
+    chown = fails(machine, "cannot write to .*: (sudo chown [^.]*[.]cache')[.] ", "shell", "true").group(1)
+    machine.run("sh", "-c", chown)
+    machine.run(machine.tutorial, "shell", "true")
+
+
+def test_clean_beside_a_waiting_command_spares_it(machine, ready):
+    clean = machine.start("sh", "-c", "mkdir ~/ws; flock ~/ws sh -c 'echo locked; read _; rm -r ~/ws'",
+                          stdin=subprocess.PIPE)
+    clean.expect("locked")
+    shell = machine.start(machine.tutorial, "shell", "true", TUTORIAL_WS="/home/learner/ws")
+    shell.expect("waiting for another")
+    clean.type("\n")
+    assert shell.wait(300) == 0 and len(shell.stderr.splitlines()) == 2 and "building in" in shell.stderr, str(shell)
+
+
+def test_help_in_a_command_is_the_commands(machine, ready):
+    assert "Mounted on" in machine.run(machine.tutorial, "ros", "df -h /").stdout
 
 
 @pytest.mark.parametrize("command, address", [

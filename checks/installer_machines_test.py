@@ -4,7 +4,7 @@ import subprocess
 
 import pytest
 
-from conftest import Machine
+from machines import Machine
 from support.printed import bowls, printed_bowls
 
 pytestmark = pytest.mark.needs("root", "debootstrap", "ip", "nsenter")

@@ -1,5 +1,5 @@
 """The package built by each build tool of ROS 1, with the system's python3 first on the PATH or a foreign one; and used
-from the install space after the sources are gone."""
+from the install space after the sources are gone. With the Python of ROS Noetic, 3.8, all rostests."""
 import os
 import pathlib
 import re
@@ -7,9 +7,10 @@ import shutil
 
 import pytest
 
-from conftest import ROOT, copy_package
+from count_results import main as count_results
+from machines import copy_package, find_python
 from support.printed import bowls, printed_bowls
-from support.processes import Process, run
+from support.processes import PACKAGE, Process, run
 
 SYSTEM = "/usr/bin:/bin"
 # Debian 13's catkin goes by the second name, all others by the first; CMake is not to complain of the unused one.
@@ -67,8 +68,22 @@ def test_it_builds_without_a_warning_and_runs(space, commands, path, master, tmp
         assert (client.wait(), printed_bowls(client)[1]) == (0, bowls(1)), str(client)
 
 
+def test_rostests_pass_on_python_3_8(tmp_path):
+    python = find_python("3.8") or pytest.skip("this needs a Python 3.8")
+    run(python, "-m", "venv", str(tmp_path / "venv"), PYTHONPATH="")
+    python = str(tmp_path / "venv/bin/python3")
+    # Debian's rospy goes by these, which are not all Python.
+    run(python, "-m", "pip", "install", "-q", "netifaces", "numpy", "psutil", "PyYAML", PYTHONPATH="", timeout=300)
+    (tmp_path / "venv/lib/python3.8/site-packages/debian.pth").write_text("/usr/lib/python3/dist-packages\n")
+    copy_package(tmp_path / "src/actions_tutorial")
+    run(*terminal("%s/venv/bin:%s" % (tmp_path, SYSTEM)), "catkin_make", "-C", str(tmp_path), "-DPYTHON_EXECUTABLE=" +
+        python, "-DCATKIN_ENABLE_TESTING=ON", "-j2", "run_tests", timeout=1200, ROS_HOME=str(tmp_path / "home"),
+        ROS_HOSTNAME="localhost")
+    assert count_results(str(tmp_path / "build/test_results")) == 0
+
+
 def test_tutorial_installs_what_package_xml_names():
     named, installed = (
-        set(re.findall(words, pathlib.Path(ROOT, file).read_text(encoding="utf-8"))) for file, words in (
+        set(re.findall(words, pathlib.Path(PACKAGE, file).read_text(encoding="utf-8"))) for file, words in (
             ("package.xml", "<test_depend>(python3-.*)</"), ("tutorial", r"python3-[\w-]+")))
     assert named <= installed

@@ -1,7 +1,7 @@
 """A robot, on which the master runs, and a laptop, with a cable between them that is pulled."""
 import pytest
 
-from conftest import Namespaces
+from machines import Namespaces
 from support.printed import check_client
 from support.processes import run
 

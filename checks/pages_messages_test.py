@@ -4,8 +4,8 @@ import subprocess
 
 import pytest
 
-from conftest import ROOT
-from pages_test import text_of
+from pages import text_of
+from support.processes import PACKAGE
 
 PYTHON = "python3 -c '%s'"
 LAUNCH = "printf '%s' > f.launch; roslaunch f.launch %s"
@@ -40,7 +40,7 @@ COMMANDS = {  # by the message that each of them causes
 @pytest.mark.parametrize("words", COMMANDS)
 def test_message(words, tmp_path):
     assert "`%s" % words in text_of("doc/troubleshooting.md")
-    command = [ROOT + "/tutorial", "ros", "exec 2>&1; cd '%s'; %s" % (tmp_path, COMMANDS[words])]
+    command = [PACKAGE + "/tutorial", "ros", "exec 2>&1; cd '%s'; %s" % (tmp_path, COMMANDS[words])]
     output = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True, timeout=60).stdout
     pattern = re.escape(words).replace("…", ".*").replace(r"\ ", r"\s+")  # CMake breaks lines
     assert re.search(pattern, output), output

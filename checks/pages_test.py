@@ -8,18 +8,14 @@ lines left out. pages_typed_test.py tries the blocks that a reader saves.
 import difflib
 import json
 import os
-import pathlib
 import re
 import subprocess
 
 import pytest
 
-from conftest import ROOT
-from support.processes import run
+from pages import EDIT, LESSONS, PAGES, blocks_of, edited, text_of
+from support.processes import PACKAGE, run
 
-PAGES = ["README.md"] + sorted(str(page.relative_to(ROOT)) for page in pathlib.Path(ROOT, "doc").rglob("*.md"))
-LESSONS = [page for page in PAGES if page.startswith("doc/lessons/")]
-EDIT = re.compile("(Save this|Change) .*`~/([^`]*)`:$")  # stands above what a reader saves
 PARSE = """
 const {JSDOM} = require('jsdom');
 global.window = new JSDOM('').window; for (const name of ['document', 'Option']) global[name] = window[name];
@@ -27,29 +23,6 @@ import(require.resolve('mermaid').replace(/[^/]*$/, 'mermaid.core.mjs')).then(as
   for (const text of JSON.parse(require('fs').readFileSync(0))) await mermaid.parse(text);
 }).catch(error => { console.error(String(error)); process.exit(1); });
 """
-
-
-def text_of(file):
-    return pathlib.Path(ROOT, file).read_text(encoding="utf-8")
-
-
-def blocks_of(page):
-    """Yields line number, language, last non-empty line above, and text of each fenced block."""
-    text = text_of(page)
-    for match in re.finditer(r"^```(\w*)\n(.*?)^```$", text, re.M | re.S):
-        above = text[:match.start()].rstrip().rpartition("\n")[2]
-        yield text.count("\n", 0, match.start()) + 1, match.group(1), above, match.group(2)
-
-
-def edited(how, text, change):
-    """Returns what a text (str) becomes when it is saved anew, or changed by a diff with … between two places."""
-    if how == "Save this":
-        return change
-    for place in change.split("…\n"):
-        old, new = ("".join(re.findall("(?m)^[ %s](.*\n)" % sign, place)) for sign in "-+")
-        assert text.count(old) == 1, "this is not there once:\n%s" % old
-        text = text.replace(old, new)
-    return text
 
 
 def anchors_of(page):
@@ -67,7 +40,7 @@ def test_links(page):
         if ":" not in target:
             file, _, anchor = target.partition("#")
             file = os.path.normpath(os.path.join(os.path.dirname(page), file)) if file else page
-            assert os.path.exists(os.path.join(ROOT, file)), "no file for [%s](%s)" % (label, target)
+            assert os.path.exists(os.path.join(PACKAGE, file)), "no file for [%s](%s)" % (label, target)
             assert not anchor or anchor in anchors_of(file), "no heading for [%s](%s)" % (label, target)
         assert not picture or len(label) > 20, "a picture without alternative text"
 
@@ -115,7 +88,7 @@ def test_versions_agree():
 
 def test_states():
     shown = re.findall(r"(?m)^\| (\d) \| ([A-Z]+) \|", text_of("doc/lessons/5_stop_a_goal.md"))
-    real = run(os.path.join(ROOT, "tutorial"), "shell", "rosmsg", "show", "actionlib_msgs/GoalStatus")
+    real = run(os.path.join(PACKAGE, "tutorial"), "shell", "rosmsg", "show", "actionlib_msgs/GoalStatus")
     assert sorted(shown) == sorted((number, name) for name, number in re.findall(r"uint8 ([A-Z]+)=(\d)", real))
 
 

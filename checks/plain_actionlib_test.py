@@ -2,15 +2,14 @@
 import pathlib
 import re
 
-from conftest import ROOT
+from pages import text_of
 import pytest
-from support.processes import run
+from support.processes import PACKAGE, run
 
-TABLE = pathlib.Path(ROOT, "doc/known_issues.md").read_text(encoding="utf-8")
-TESTS = pathlib.Path(ROOT, "test/robust")
+TESTS = pathlib.Path(PACKAGE, "test/robust")
 
 
-@pytest.mark.parametrize("test", sorted(set(re.findall(r"`(test_\w+)` \|$", TABLE, re.M))))
+@pytest.mark.parametrize("test", sorted(set(re.findall(r"`(test_\w+)` \|$", text_of("doc/known_issues.md"), re.M))))
 def test_row_fails_on_plain_actionlib(workspace, master, test):
     file, = [file for file in TESTS.glob("*_test.py") if re.search(rf"def {test}\(", file.read_text(encoding="utf-8"))]
     if file.name == "simulated_time_test.py":

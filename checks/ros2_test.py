@@ -1,20 +1,17 @@
 """doc/ros2.md on real ROS 2: what the page saves is built with colcon, and its programs run. The wheels of ROS 2 Jazzy
 come from pip, for Python 3.12; the command `ros2` is not among them, so the programs are started without it."""
-import glob
 import itertools
-import os
 import re
 import shutil
 import signal
-import subprocess
 import time
 
 import pytest
 
-from conftest import ROOT, Namespaces
+from machines import Namespaces, find_python
 from support.printed import bowls
-from support.processes import Group, run
-from pages_typed_test import edit, pattern_of, steps_of
+from support.processes import Group, PACKAGE, run
+from typist import edit, pattern_of, steps_of
 
 pytestmark = pytest.mark.needs("root", "ip", "nsenter")
 PAGE = "doc/ros2.md"
@@ -51,13 +48,6 @@ CLIENTS = pytest.mark.parametrize("name", ["action_client", "busy_client"])
 REPLACED = "import sys; exec(open(sys.argv[1]).read().replace(*sys.argv[2:])); main()"
 
 
-def python_3_12():
-    """Returns the path (str) of a Python 3.12, or None."""
-    found = glob.glob(os.path.expanduser("~/.pyenv/versions/3.12*/bin/python3.12")) + [shutil.which("python3.12")]
-    return next((path for path in filter(None, found) if not subprocess.call(
-        [path, "-c", "import ensurepip, venv"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)), None)
-
-
 class Ros2(Group):
     """A home (pathlib.Path) with a venv of ROS 2 in it, and the workspace of the page. enter: the command (list of str)
     that runs another one where its programs run."""
@@ -83,7 +73,7 @@ class Ros2(Group):
             if isinstance(step, tuple):
                 edit(step[0], self.home / step[1], step[2])
             elif re.match(r"\$ (mkdir|cp|touch|cd) ", step.typed):
-                run(*self.clean, "bash", "-c", "cd '%s' && %s" % (ROOT, step.typed[2:]), timeout=300)
+                run(*self.clean, "bash", "-c", "cd '%s' && %s" % (PACKAGE, step.typed[2:]), timeout=300)
 
     def start(self, *command):
         """Start a command (str …) in a terminal that knows the workspace. -> Process"""
@@ -115,7 +105,7 @@ class Ros2(Group):
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory):
-    python = python_3_12() or pytest.skip("this needs a Python 3.12, as the wheels of ROS 2 Jazzy do")
+    python = find_python("3.12") or pytest.skip("this needs a Python 3.12, as the wheels of ROS 2 Jazzy do")
     home = tmp_path_factory.mktemp("ros2")
     try:
         # A network and a shared memory of their own: nothing else is reached, and nothing stays of what is killed.
