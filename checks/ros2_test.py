@@ -48,7 +48,8 @@ client.wait_for_server()
 """
 CLIENTS = pytest.mark.parametrize("name", ["action_client", "busy_client"])
 # Runs a program with one text in place of another.
-REPLACED = "import sys; file, *texts = sys.argv[1:]; del sys.argv[1:]; exec(open(file).read().replace(*texts)); sys.exit(main())"
+REPLACED = ("import sys; file, *texts = sys.argv[1:]; del sys.argv[1:]; exec(open(file).read().replace(*texts)); "
+            "sys.exit(main())")
 
 
 def python_3_12():
