@@ -191,7 +191,8 @@ def test_client_ends_when_a_new_server_does_not_know_its_goal(ros2, name):
     client.expect("bowl-0")
     os.kill(server.usage.pid, signal.SIGKILL)
     ros2.server()
-    assert client.wait() == 1 and "the goal may go on" in client.stderr, str(client)
+    # Mostly at its limit: it still sees a server. Sometimes it learns sooner that its own is gone.
+    assert client.wait(30) == 1 and re.search("goal may go on|server is gone", client.stderr), str(client)
 
 
 @pytest.mark.parametrize("server", ["action_server", "single_goal_server"])
