@@ -19,6 +19,14 @@ COMMANDS = {  # by the message that each of them causes
     "No module named '…'": PYTHON % "import laundry",
     "Type is not an action spec": PYTHON % 'import actionlib, rospy; actionlib.ActionClient("a", rospy.Header)',
     "time is not initialized": PYTHON % "import rospy; rospy.Time.now()",
+    "missing 1 required positional argument": PYTHON % "(lambda number_of_minutes: 0)()",
+    "cannot unpack non-iterable": PYTHON % "a, b = 3",
+    "cannot assign to expression": PYTHON % "last-dish = 3",
+    "'module' object is not callable": PYTHON % "import std_msgs.msg._String as String; String()",
+    "has no attribute '_request_class'":
+        PYTHON % 'import rospy, rospy.msg; rospy.ServiceProxy("a", rospy.msg)',
+    "is not a class": PYTHON % 'import rospy, std_msgs.msg; rospy.Publisher("a", std_msgs.msg)',
+    "ROS time moved backwards": PYTHON % 'import rospy; raise rospy.exceptions.ROSTimeMovedBackwardsException(1)',
     "takes 1 positional argument but 2 were given": PYTHON % "(lambda msg: 0)(3, None)",
     "Missing parentheses in call to 'print'": PYTHON % "print 1",
     "name '…' is not defined": PYTHON % "xrange",
@@ -29,10 +37,24 @@ COMMANDS = {  # by the message that each of them causes
     "Invalid roslaunch XML syntax": LAUNCH % ("<launch>", ""),
     "requires the '…' arg to be set":
         LAUNCH % ('<launch><arg name="a" /><param name="b" value="$(arg a)" /></launch>', ""),
+    "missing required attribute": LAUNCH % ('<launch><node pkg="a" name="c" /></launch>', ""),
+    "Unknown substitution command": LAUNCH % ('<launch><node pkg="$(finds a)" type="b" name="c" /></launch>', ""),
+    "multiple nodes named": LAUNCH % ('<launch>%s</launch>' % (2 * '<node pkg="a" type="b" name="c" />'), ""),
+    "Invalid roslaunch XML syntax: [Errno 2]": LAUNCH % ('<launch><include file="/a.launch" /></launch>', ""),
+    "unused args […] for include": "echo '<launch />' > g.launch; " + LAUNCH % (
+        '<launch><include file="g.launch"><arg name="a" value="" /></include></launch>', ""),
+    "ResourceNotFound": "echo '<launch />' > f.test; rostest f.test",
     "input files do not exist": LAUNCH % ("<launch />", "minutes=2"),
+    "does not contain a CMakeLists.txt file":
+        "mkdir src; cd src; catkin_create_pkg laundry; rm laundry/CMakeLists.txt; cd ..; catkin_make",
     "must be invoked in the root of workspace": "catkin_create_pkg laundry; cd laundry; catkin_make",
     "does not match current PROJECT_NAME": BUILD % CMAKE % ("washing", ""),
+    "Could not find a package configuration file provided by":
+        BUILD % CMAKE % ("laundry", "find_package(catkin REQUIRED COMPONENTS actionlib_messages)"),
     "Unknown CMake command": BUILD % CMAKE % ("laundry", "add_action_files()"),
+    "$'\\r': command not found": r"printf '\r\n' > f; bash f",
+    "required file not found": r"printf '#!/usr/bin/bash\r\n' > f; chmod +x f; ./f",
+    "cancel: command not found": "cancel",
     "Unable to communicate with master": "ROS_MASTER_URI=http://localhost:1 rostopic list",
 }
 

@@ -44,7 +44,7 @@ def main():
     if result is not None:
         print("The result is: %s" % result, flush=True)
     if state != GoalStatus.SUCCEEDED:
-        name = GoalStatus.to_string(state)  # added by actionlib; wrong for 0, PENDING, which is no outcome
+        name = GoalStatus.to_string(state)
         print("%s: %s" % (name, text) if text else name, file=sys.stderr)
         return 1
     return 0
