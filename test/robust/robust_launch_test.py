@@ -22,7 +22,7 @@ class TestRobustLaunch(LaunchTest):
 
     def test_failing_client_ends_the_launch(self):
         launch = self.launch("robust:=true", "number_of_minutes:=-3")
-        launch.wait()
+        self.check_end(launch)
         launch.expect("ABORTED: number_of_minutes is -3, must be 0 or more")
 
 
