@@ -38,6 +38,11 @@ class LaunchTest(unittest.TestCase):
         self.check_end(launch)
         self.assertEqual(bowls(count), printed_bowls(launch)[1], launch)
 
+    def check_nodes(self, launch, *names):
+        """Expect that roslaunch lists nodes (str), each with the program of that name."""
+        for name in names:
+            launch.expect(r"^ +%s \(actions_tutorial/%s\.py\)$" % (name, name))
+
     def check_server_alone(self, launch, server):
         """Expect the server (str, its node), no client, and an end on Ctrl-C."""
         RawClient().wait_connected(launch)
@@ -56,8 +61,7 @@ class TestLaunch(LaunchTest):
     def test_number_of_minutes(self):
         launch = self.launch("number_of_minutes:=1")
         self.check_bowls(launch, 1)
-        launch.expect("action_server-.*started")
-        launch.expect("action_client-.*started")
+        self.check_nodes(launch, "action_server", "action_client")
 
     def test_client_false_starts_the_server_alone(self):
         self.check_server_alone(self.launch("client:=false"), "/action_server")
