@@ -18,7 +18,7 @@ class TestRobustLaunch(LaunchTest):
         self.launch("--ros-args").expect(r'robust \(default "false"\): true starts the two nodes on robust')
 
     def test_client_false_starts_the_server_alone(self):
-        self.check_server_alone(self.launch("robust:=true", "client:=false"), "/robust_action_server")
+        self.check_server_alone(self.launch("robust:=true", "client:=false"), "robust_action_server")
 
     def test_failing_client_ends_the_launch(self):
         launch = self.launch("robust:=true", "number_of_minutes:=-3")
