@@ -38,16 +38,16 @@ class LaunchTest(unittest.TestCase):
         self.assertEqual(bowls(count), printed_bowls(launch)[1], launch)
 
     def check_nodes(self, launch, *names):
-        """Expect that roslaunch lists nodes (str), each with the program of that name."""
+        """Expect that a launch that is over listed nodes (str), each with the program of that name."""
         for name in names:
             launch.expect(r"^ +%s \(actions_tutorial/%s\.py\)$" % (name, name))
 
     def check_server_alone(self, launch, server):
         """Expect the server (str, its node), no client, and an end on Ctrl-C."""
         RawClient().wait_connected(launch)
-        self.check_nodes(launch, server)
         launch.signal(signal.SIGINT)
         self.check_end(launch)
+        self.check_nodes(launch, server)
         self.assertNotIn("action_client", launch.stdout, launch)
 
 
