@@ -16,16 +16,15 @@ import types
 import pexpect
 
 from pages import EDIT, blocks_of, edited
+from support import printed
 
 LIMIT = 300  # s to wait for what the page shows, many times what it takes
 PROMPT = "typed> "
-# Colours, titles and bells; and what the page does not show: a warning that rospy's tools print when a peer connects
-# twice, an error that actionlib's client prints when an answer comes before send_goal has returned (ros/actionlib
-# #206); and of ./tutorial, that it waits, and how its prompt begins.
+# Colours, titles and bells; and what the page does not show: lines that a busy machine adds; and of ./tutorial, that it
+# waits, and how its prompt begins.
 NOISE = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]|\x1b\][^\x07]*\x07|\x07|\r(?=\n)"
-                   r"|\[WARN\] .*: Inbound TCP/IP connection failed: .*\n"
-                   r"|\[ERROR\] .*: Got a transition callback on .*\n"
-                   r"|waiting for another \./tutorial …\r?\n|\((ros|actions_tutorial)\) (?=%s)" % PROMPT)
+                   r"|%s|waiting for another \./tutorial …\r?\n|\((ros|actions_tutorial)\) (?=%s)" % (
+                       printed.NOISE, PROMPT))
 FIRST_FEEDBACK = re.compile(' *(Feedback received: last_dish_washed: "|feedback: )bowl-0"?')
 KEYS = {"TAB": "\t", "BACKSPACE": "\x7f"}
 # Goals that are over at once: actionlib's client may miss the outcome (ros/actionlib #206). The pages say that one then

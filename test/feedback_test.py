@@ -3,6 +3,7 @@
 import time
 
 from actions_tutorial.msg import WashTheDishesGoal
+from parameterized import parameterized
 import rospy
 import rostest
 
@@ -15,7 +16,9 @@ from support.states import PREEMPTED, SUCCEEDED
 
 class TestFeedback(ActionTest):
 
-    def test_feedback_comes_at_once_and_then_once_a_second(self):
+    @parameterized.expand([("at_first", 0), ("after_idle_seconds", 2)])
+    def test_feedback_comes_at_once_and_then_once_a_second(self, _, idle):
+        time.sleep(idle)
         times, begun = [], time.monotonic()
         self.send(WashTheDishesGoal(number_of_minutes=2), feedback_cb=lambda _: times.append(time.monotonic()))
         self.assertLess(times[0] - begun, 0.7)

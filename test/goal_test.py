@@ -12,7 +12,7 @@ from support.action_case import ActionTest
 from support.printed import bowls
 from support.processes import Group
 from support.raw_client import RawClient
-from support.states import ABORTED, PREEMPTED, RECALLED, SUCCEEDED
+from support.states import ABORTED, ACTIVE, PREEMPTED, RECALLED, SUCCEEDED
 
 
 class TestGoal(ActionTest):
@@ -73,14 +73,16 @@ class TestGoal(ActionTest):
             self.assertIn(self.raw.wait_result(goal_id).status.status, [PREEMPTED, RECALLED])
         self.assertEqual(1, self.raw.active_at_once)
 
-    def test_goal_cancelled_while_it_waits_washes_one_bowl_at_most(self):
+    def test_goal_cancelled_while_it_waits_washes_nothing(self):
         older = self.raw.send(5)
         self.raw.wait_bowls(older, 1)
         newer = self.raw.send(5)
+        self.raw.wait(lambda: newer in self.raw.states, "the server has the newer goal")
         self.raw.cancel(newer)
         result = self.raw.wait_result(newer)
         self.assertIn(result.status.status, [PREEMPTED, RECALLED])
-        self.assertLessEqual(len(result.result.dishes_washed), 1)  # the server may start it before the cancel comes
+        # A server that starts a newer goal at once may have washed a bowl before the cancel comes.
+        self.assertLessEqual(len(result.result.dishes_washed), ACTIVE in self.raw.states[newer])
 
     def test_goal_cancelled_before_it_comes_is_recalled(self):
         goal_id = self.raw.new_id()

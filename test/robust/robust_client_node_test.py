@@ -18,6 +18,7 @@ from support.states import PREEMPTED
 class TestRobustActionClient(ClientTests, unittest.TestCase):
 
     client_script, server_script = "robust_action_client.py", "robust_action_server.py"
+    aborted = "goal ABORTED: number_of_minutes is -1, must be 0 or more"
     preempted, tries = "goal PREEMPTED: a newer goal came", 1
 
     def test_ctrl_c_cancels_the_goal_and_prints_its_bowls(self):
