@@ -1,6 +1,7 @@
 """doc/ros2.md on real ROS 2: what the page saves is built with colcon, and its programs run. The wheels of ROS 2 Jazzy
 come from pip, for Python 3.12; the command `ros2` is not among them, so the programs are started without it."""
 import itertools
+import os
 import re
 import shutil
 import signal
