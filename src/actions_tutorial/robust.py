@@ -30,42 +30,42 @@
 
     from actions_tutorial import robust
 
-The docstring of each override says what actionlib does and what this class does instead. Everything else is actionlib's
-own, and its other names are re-exported. The import registers one function with rospy.on_shutdown and changes nothing
-else. Import this module before your program registers its own functions, so that goals are asked to stop first.
+The docstring of each override says what actionlib does, and what this class does instead. Everything else is inherited
+or re-exported unchanged. Importing this module registers one function with rospy.on_shutdown and changes nothing else.
+Import it before your program registers its own functions, so that goals are told to stop first.
 
-Internals of actionlib that are used here. actionlib is archived, so they will not change.
+Internals of actionlib that are used here (actionlib is archived, so they will not change):
 * SimpleActionServer: action_server, current_goal, next_goal, new_goal, execute_callback, execute_thread,
-  execute_condition, need_to_terminate, preempt_callback, preempt_request. Without them a goal cannot be started without
-  polling, nor a waiting goal be ended.
+  execute_condition, need_to_terminate, preempt_callback, preempt_request. They make it possible to start a goal without
+  polling, and to end a waiting goal.
 * ActionServer: ns, lock, started, last_cancel, status_timer, status_frequency and the message types; status_tracker of
   a ServerGoalHandle, which can be read without the lock.
 * SimpleActionClient: action_client, gh, simple_state, _set_simple_state, done_condition, done_cb.
 * ActionClient: ns, manager, ActionGoal; pub_goal, pub_cancel, result_sub, feedback_sub and last_status_msg show whether
   the server is connected.
-* GoalManager, which makes the goals of a client: ActionGoal, list_mutex, statuses, send_goal_fn, cancel_fn.
+* GoalManager, which creates the goals of a client: ActionGoal, list_mutex, statuses, send_goal_fn, cancel_fn.
 * CommStateMachine, one for each goal of a client, held by a ClientGoalHandle: its constructor, mutex, state,
   transition_to, action_goal, latest_goal_status, latest_result, feedback_cb, send_cancel_fn.
-From rospy: rostime.get_rostime_cond(), the condition that every message of /clock notifies; last_time and sleep_dur of
-a Rate; the connections of a topic; and that functions registered during the shutdown are called, after all others.
+From rospy: rostime.get_rostime_cond(), the condition that every /clock message notifies; last_time and sleep_dur of a
+Rate; the connections of a topic. rospy also calls functions that are registered during the shutdown, after all others.
 
 A goal in the server:
-    PENDING                 waits. A newer goal, a cancel or a shutdown makes it RECALLED
-    ACTIVE                  is executed
-    PREEMPTING              is executed, and was cancelled
+    PENDING                 it waits. A newer goal, a cancel or a shutdown makes it RECALLED
+    ACTIVE                  it is being executed
+    PREEMPTING              it is being executed, and was cancelled
     SUCCEEDED, ABORTED, PREEMPTED, RECALLED, REJECTED       outcomes
 A goal in the client (CommState):
     WAITING_FOR_GOAL_ACK    no status has listed it yet
     PENDING, ACTIVE, RECALLING, PREEMPTING                  as the last status shows it
     WAITING_FOR_CANCEL_ACK  a cancel was sent, and no status shows it yet
-    WAITING_FOR_RESULT      a status shows its outcome, and the result has not come yet
-    DONE                    it has its result, or it is LOST. It stays so
+    WAITING_FOR_RESULT      a status shows its outcome, but the result has not come yet
+    DONE                    it has its result, or it is LOST. This state is final
 
 Locks, in the order in which they are taken:
 * server: action_server.lock, which guards the goals; then that of execute_condition, which guards new_goal; then the
   condition of the ROS clock, on which rates wait
-* client: the mutex of a goal, which guards its state; then manager.list_mutex, which answers wait for while a goal is
-  sent. done_condition and _robust_sent are held with no other lock
+* client: the mutex of a goal, which guards its state; then manager.list_mutex, for which answers wait while a goal is
+  being sent. done_condition and _robust_sent are taken while no other lock is held
 Callbacks for goals and preempts run with the server's locks held, and active_cb with its goal's mutex, as in actionlib.
 No lock is held during execute_cb, done_cb and feedback_cb.
 """
@@ -108,12 +108,12 @@ _settled: weakref.WeakSet = weakref.WeakSet()  # the connections for which wait_
 
 
 class SimpleActionServer(actionlib.SimpleActionServer):
-    """An actionlib.SimpleActionServer that starts and stops goals without delay and gives each an outcome with a text.
+    """An actionlib.SimpleActionServer that starts and stops goals without delay. Each goal gets an outcome with a text.
 
     name, ActionSpec: the name of the action, and its type, such as WashTheDishesAction.
     execute_cb: called with each goal, one at a time, in a daemon thread. None for servers with goal callbacks.
-    auto_start: whether to start here. False is better, or execute_cb may be called before the constructor returns.
-    shutdown_timeout: s that a goal has to stop when the node is shut down, before it is ABORTED.
+    auto_start: whether to start here. False is better: execute_cb could be called before the constructor returns.
+    shutdown_timeout: how long a goal has to stop when the node is shut down, in s. After that it is ABORTED.
     """
 
     next_goal: actionlib.ServerGoalHandle  # for mypy, like those of the classes below
@@ -126,7 +126,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         self._robust_patience = _seconds(shutdown_timeout)
         super().__init__(name, ActionSpec, execute_cb=None, auto_start=False)
         self._robust_overtaken = None  # the last goal that should stop for a newer one
-        self._robust_in_thread = threading.local()  # the last goals that it has .accepted, and .told by a rate to stop
+        self._robust_in_thread = threading.local()  # .accepted: its last goal; .told: the last that a rate told to stop
         self.action_server = _ActionServer(
             name, ActionSpec, self.internal_goal_callback, self.internal_preempt_callback, auto_start=False)
         if execute_cb:
@@ -143,14 +143,14 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
         hz: 1/s, on the ROS clock. A loop that goes on after False keeps its pace: sleep() then returns False at the end
         of each period. In the thread that accepts the goals, such as that of execute_cb, a rate serves one goal after
-        the other. In another thread it belongs to the goal that was active when the rate was made, and sleep() also
+        another. In another thread it belongs to the goal that was active when the rate was created, and sleep() also
         returns False once that goal is over. Then return without set_preempted, which would end the newer goal.
         """
         return _Rate(hz, self)
 
     @property
     def preempt_request(self) -> bool:
-        """As in actionlib, but setting it wakes the rates. It is also set for a goal that runs during a shutdown."""
+        """As in actionlib, but setting it wakes the rates. A shutdown also sets it if a goal is running."""
         return self._robust_preempt_request
 
     @preempt_request.setter
@@ -159,14 +159,14 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         _wake_rates()
 
     def _robust_running_goal(self):
-        """Returns the goal that is ACTIVE or PREEMPTING, or None. Takes no lock, unlike is_active()."""
+        """Returns the goal that is ACTIVE or PREEMPTING, or None. Unlike is_active(), it takes no lock."""
         goal = self.current_goal  # without a status_tracker before the first goal
         return goal if goal.status_tracker and goal.status_tracker.status.status in _RUNNING else None
 
     def executeLoop(self) -> None:
         """actionlib's loop polls (ros/actionlib #164), notices a new goal up to 0.1 s late (#212), and ends for good
         after SystemExit, or when action_server.stop() is called while a goal runs and another one waits. This one waits
-        for the condition, and goes on."""
+        on the condition, and carries on."""
         while True:
             with self.execute_condition:  # 2 s, since some programs set need_to_terminate without notifying
                 self.execute_condition.wait_for(lambda: self.new_goal or _stopping.is_set(), timeout=2)
@@ -196,8 +196,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         return rospy.resolve_name(self.action_server.ns)
 
     def accept_new_goal(self) -> Any:
-        """Accept the goal that waits. Returns it, or None if there is none, since it may have been cancelled meanwhile.
-        actionlib's logs an error then. It also ends an older goal with one text for all. Here the text says why."""
+        """Accept the waiting goal. Returns it, or None if there is none: it may have been cancelled meanwhile. In that
+        case actionlib logs an error. It also ends every older goal with the same text. Here the text says why."""
         with self.action_server.lock:
             if not self.new_goal:
                 return None
@@ -208,8 +208,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             return goal
 
     def register_goal_callback(self, cb: Optional[Callable[[], Any]]) -> None:
-        """In actionlib, a goal whose cb raises has no outcome, and after SystemExit the server stays locked. Here the
-        goal is ABORTED if it was accepted, else RECALLED."""
+        """In actionlib, a goal whose cb raises gets no outcome, and after SystemExit the server stays locked. Here the
+        goal is ABORTED if it was accepted, otherwise RECALLED."""
         super().register_goal_callback(cb and (lambda: self._robust_call_goal_callback(cb)))
 
     def _robust_call_goal_callback(self, cb):
@@ -217,7 +217,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         try:
             cb()
         except BaseException as error:
-            # In a thread, because the server is locked, and logging may block.
+            # In a thread, because logging may block while the server is locked.
             _start(rospy.logerr, "%s: the goal callback failed\n%s", self._robust_name(), traceback.format_exc())
             text = _failure("the goal callback", error)
             if self.new_goal:
@@ -226,8 +226,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
                 super().set_aborted(None, text)
 
     def internal_goal_callback(self, goal: actionlib.ServerGoalHandle) -> None:
-        """actionlib refuses a goal whose stamp is earlier than the current goal's (ros/actionlib #203), and notifies
-        one thread, perhaps one of the program's. Here the goal that comes last wins, and all threads are notified."""
+        """actionlib refuses a goal whose stamp is earlier than the current goal's (ros/actionlib #203). It notifies one
+        thread, perhaps one of the program's. Here the goal that comes last wins, and all threads are notified."""
         if _stopping.is_set():
             goal.set_canceled(None, SHUTTING_DOWN)
             return
@@ -249,7 +249,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
             super().internal_preempt_callback(preempt)
 
     def _robust_recall(self, text):
-        """End the goal that waits. Called with the server's locks held."""
+        """End the waiting goal. Called with the server's locks held."""
         self.new_goal = False
         if self.next_goal.status_tracker.status.status in _WAITING:  # the goal callback may have rejected it
             self.next_goal.set_canceled(None, text)
@@ -258,9 +258,9 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     def set_preempted(self, result: Optional[genpy.Message] = None, text: str = "") -> None:
         """End the goal PREEMPTED.
 
-        result: None sends an empty result. text: by default the reason why the goal should stop.
-        actionlib gives no reason, and when the node is shut down it reports PREEMPTED to a client that has cancelled
-        nothing. Here that goal is ABORTED, "the server is shutting down".
+        result: None sends an empty result. text: by default, the reason why the goal should stop.
+        actionlib gives no reason. When the node is shut down, it reports PREEMPTED to a client that has cancelled
+        nothing. Here that goal is ABORTED with the text "the server is shutting down".
         """
         with self.action_server.lock:
             goal = self._robust_running_goal()  # if there is none, actionlib logs an error
@@ -299,8 +299,8 @@ class _ActionServer(ActionServer):
     last_cancel: rospy.Time
 
     def publish_result(self, status, result):
-        """Every outcome goes through here. In actionlib, a client waits forever for a result that cannot be serialized.
-        Here the goal is ABORTED instead. An outcome without a text gets one."""
+        """Publishes every outcome. In actionlib, a client waits forever for a result that cannot be serialized. Here
+        the goal is ABORTED instead. An outcome without a text gets one."""
         status.text = status.text or _TEXTS.get(status.status, "")
         try:
             _check(self.ActionResult(status=status, result=result))
@@ -327,13 +327,13 @@ class _ActionServer(ActionServer):
                 rospy.Duration(1 / self.status_frequency), self.publish_status_async, reset=True)
 
     def internal_cancel_callback(self, goal_id):
-        """After a cancel stamped in the future, actionlib refuses all goals until then (ros/actionlib #117)."""
+        """After a cancel stamped in the future, actionlib refuses all goals until that time (ros/actionlib #117)."""
         with self.lock:
             super().internal_cancel_callback(goal_id)
             self.last_cancel = min(self.last_cancel, rospy.Time.now())
 
     def internal_goal_callback(self, goal):
-        """actionlib does the same after a cancel if the clock has since been set back (ros/actionlib #203)."""
+        """actionlib also refuses them after a cancel if the clock has since been set back (ros/actionlib #203)."""
         with self.lock:
             if self.last_cancel > rospy.Time.now():
                 self.last_cancel = rospy.Time()
@@ -351,8 +351,8 @@ class _Rate(rospy.Rate):
         self._goal = server._robust_running_goal()  # None: this rate serves all goals
 
     def sleep(self):
-        """rospy.Rate's cannot be interrupted, and raises when the clock is set back. This one waits on the clock's
-        condition, which _wake_rates() also notifies, and begins a new period when the clock is set back."""
+        """rospy.Rate.sleep() cannot be interrupted, and raises when the clock is set back. This one waits on the
+        clock's condition, which _wake_rates() also notifies, and begins a new period when the clock is set back."""
         server, clock, called = self._server, rospy.rostime.get_rostime_cond(), rospy.get_rostime()
         thread = server._robust_in_thread
         self._goal = self._goal and getattr(thread, "accepted", self._goal)
@@ -383,12 +383,12 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     """An actionlib.SimpleActionClient whose state, result and callbacks agree, and that says why a goal failed.
 
     ns, ActionSpec: the name of the action, and its type, such as WashTheDishesAction.
-    heartbeat_timeout: s. If neither a status that lists the goal nor feedback comes for this long, the goal is LOST,
+    heartbeat_timeout: in s. If neither a status that lists the goal nor feedback comes for this long, the goal is LOST,
         and a cancel is sent in case the server is still running. A server sends its status five times a second. Time
-        in which the ROS clock or this process stands still does not count. None: no limit.
+        during which the ROS clock or this process stands still does not count. None: no limit.
     cancel_on_shutdown: whether to cancel the goal when this node is shut down, and wait up to 2 s for its outcome. From
-        then on send_goal raises rospy.ROSInterruptException.
-    Timeouts are Durations or seconds. Raises ValueError for a heartbeat_timeout that is not above 0.
+        then on, send_goal raises rospy.ROSInterruptException.
+    Timeouts are Durations or seconds. Raises ValueError if heartbeat_timeout is not above 0.
     """
 
     _robust_patience = 2.0  # s from the cancel on shutdown to the outcome
@@ -404,7 +404,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         self._robust_heartbeat_timeout = limit
         self._robust_cancel_on_shutdown = cancel_on_shutdown
         self._robust_sent = threading.Condition()  # notified when a goal is sent: the watch of an older one ends
-        self.action_client.manager = _GoalManager(ActionSpec)  # in the place of actionlib's, which has no goals yet
+        self.action_client.manager = _GoalManager(ActionSpec)  # replaces actionlib's, which has no goals yet
         self.action_client.manager.register_send_goal_fn(self.action_client.pub_goal.publish)
         self.action_client.manager.register_cancel_fn(self.action_client.pub_cancel.publish)
         _alive.add(self)
@@ -413,9 +413,9 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         """Wait until the server is connected.
 
         timeout: in real time; 0: no limit. Returns False after the timeout, and on shutdown.
-        actionlib's counts ROS time, so it never returns while simulated time stands still (ros/actionlib #19), and
-        returns at once when simulated time begins (#137). It says nothing while it waits (#35). Early feedback may be
-        lost, because rospy counts a connection a moment before messages pass on it. Here the time is real, a warning
+        actionlib counts ROS time, so its method never returns while simulated time stands still (ros/actionlib #19),
+        and returns at once when simulated time begins (#137). It says nothing while it waits (#35). Early feedback may
+        be lost, because rospy counts a connection a moment before messages can pass. Here real time counts, a warning
         comes every 5 s, and new connections get another 0.2 s.
         """
         seconds, begun, warned = _duration(timeout).to_sec(), time.monotonic(), 0.0
@@ -455,7 +455,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
 
         goal: a message such as WashTheDishesGoal; None sends an empty goal. done_cb: called with the outcome (int, as
         in GoalStatus) and the result, in a thread of its own. active_cb: called when the goal has started.
-        feedback_cb: called with each feedback, the last of which may come after done_cb.
+        feedback_cb: called with each feedback; the last one may come after done_cb.
         Raises TypeError for a goal of another type, and rospy.ROSSerializationException for one that cannot be sent.
         In actionlib, a goal that cannot be sent corrupts the next one, and an answer that comes before this method
         returns is dropped (ros/actionlib #206). Here the answer waits for list_mutex until gh is set.
@@ -482,12 +482,12 @@ class SimpleActionClient(actionlib.SimpleActionClient):
 
     def wait_for_result(self, timeout: Seconds = rospy.Duration()) -> bool:
         """As in actionlib, on the ROS clock, but the timeout may also be seconds. With a negative timeout, actionlib
-        waits forever, and this method returns at once."""
+        waits forever, whereas this method returns at once."""
         return super().wait_for_result(_duration(timeout))
 
     def cancel_goal(self) -> None:
         """actionlib also cancels a goal that is over, and then says that it is LOST (ros/actionlib #126). Here nothing
-        is sent or changed. A LOST goal is cancelled, since the server may still be working on it."""
+        is sent or changed. But a LOST goal is cancelled, because the server may still be working on it."""
         gh = self.gh
         if gh and not gh.comm_state_machine.latest_result:
             gh.comm_state_machine.cancel()
@@ -513,9 +513,9 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         return None if state == GoalStatus.SUCCEEDED else f"goal {GoalStatus.to_string(state)}: {text}"
 
     def _handle_transition(self, gh):
-        """actionlib logs an error for a goal that was replaced (ros/actionlib #177), and after an active_cb or done_cb
-        that raises it waits forever. It calls done_cb in the thread that brings results, so no outcome comes for a goal
-        that is sent there (#193). Here done_cb runs in its own thread, and what a callback raises is logged."""
+        """actionlib logs an error for a goal that was replaced (ros/actionlib #177), and waits forever after an
+        active_cb or done_cb that raises. It calls done_cb in the thread that receives results, so a goal that is sent
+        there gets no outcome (#193). Here done_cb runs in its own thread, and what a callback raises is logged."""
         if gh == self.gh and gh.get_comm_state() == CommState.DONE:
             _start(self._robust_done, gh)
         elif gh == self.gh:
@@ -537,14 +537,14 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             self.done_condition.notify_all()
 
     def _handle_feedback(self, gh, feedback):
-        """actionlib logs an error for a goal that was replaced, and so does rospy for a feedback_cb that raises."""
+        """actionlib logs an error for a goal that was replaced, and so does rospy if feedback_cb raises."""
         if gh == self.gh:
             _call(super()._handle_feedback, gh, feedback)
 
     def _robust_watch(self, gh):
         """actionlib's client waits forever for a server that was killed or that hangs. This thread makes the goal LOST.
-        It also keeps the client in memory until the goal is over, so that cancel_on_shutdown works for a client that
-        the program has dropped."""
+        It also keeps the client in memory until the goal is over, so that cancel_on_shutdown works even if the program
+        no longer refers to the client."""
         limit, goal, silence = self._robust_heartbeat_timeout, gh.comm_state_machine, 0.0
         tick, now, ros = min(0.5, limit / 4), time.monotonic(), rospy.get_time()
         while True:
@@ -564,8 +564,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
                         goal.lose(f"server lost: silent for {silence:.1f} s (heartbeat_timeout is {limit:g} s)")
 
     def _robust_shut_down(self, deadline):
-        """When the node is shut down, actionlib leaves the goal running. With cancel_on_shutdown, it is cancelled here,
-        and its outcome awaited until deadline (time.monotonic())."""
+        """When the node is shut down, actionlib leaves the goal running. Here, with cancel_on_shutdown, the goal is
+        cancelled, and its outcome awaited until deadline (time.monotonic())."""
         if not self._robust_cancel_on_shutdown:
             return
         goals = [self.gh.comm_state_machine] if self.gh else []
@@ -582,10 +582,10 @@ class SimpleActionClient(actionlib.SimpleActionClient):
 
 
 class _GoalManager(GoalManager):
-    """Makes the goals of a client."""
+    """Creates the goals of a client."""
 
     def _generate_id(self):
-        """actionlib gives two nodes with the same name the same ids while simulated time stands still. Here random
+        """In actionlib, two nodes with the same name create the same ids while simulated time stands still. Here random
         digits follow the time."""
         goal_id = super()._generate_id()
         goal_id.id += f"{random.SystemRandom().randrange(10**12):012d}"
@@ -608,8 +608,8 @@ class _CommStateMachine(CommStateMachine):
     unlisted_since: Optional[float] = None  # time.monotonic()
 
     def update_status(self, status_array):
-        """In actionlib, a goal is LOST after one status without it, which may be older than the goal, and a lost result
-        is awaited forever (ros/actionlib #181). Here there are limits in seconds."""
+        """In actionlib, a goal is LOST after one status without it, even if that status is older than the goal, and a
+        lost result is awaited forever (ros/actionlib #181). Here both have limits in seconds."""
         with self.mutex:
             if any(one.goal_id.id == self.action_goal.goal_id.id for one in status_array.status_list):
                 self.is_heard, self.unlisted_since = True, None
@@ -651,8 +651,8 @@ class _CommStateMachine(CommStateMachine):
                 super().transition_to(state)
 
     def cancel(self):
-        """If Ctrl-C interrupts ClientGoalHandle.cancel(), rospy's lock stays locked until the shutdown is over, so that
-        no cancel can be sent. Here another thread, which is not interrupted, sends it."""
+        """If Ctrl-C interrupts ClientGoalHandle.cancel(), rospy's lock stays locked until the shutdown is over, and no
+        cancel can be sent. Here another thread sends it, which Ctrl-C does not interrupt."""
         sending = _start(self.send_cancel_fn, GoalID(id=self.action_goal.goal_id.id))
         if sending.is_alive():
             sending.join()
@@ -678,8 +678,8 @@ def _duration(timeout):
 
 
 def _check(message):
-    """Serialize a message as a trial. rospy leaves half of a message that cannot be serialized in its buffer, and sends
-    it with the next one. Raises rospy.ROSSerializationException."""
+    """Serialize a message as a trial. If it cannot be serialized, rospy would leave half of it in its buffer, and send
+    that with the next message. Raises rospy.ROSSerializationException."""
     try:
         message.serialize(io.BytesIO())
     except Exception as error:
@@ -711,8 +711,8 @@ def _start(callback, *args):
 
 
 def _on_shutdown():
-    """End the goals of all servers and clients, side by side. This uses threads because it may run in a signal handler
-    that has interrupted code with a lock. The function that waits for them is called after the program's own."""
+    """End the goals of all servers and clients, in parallel. Threads do this, because this function may run in a signal
+    handler that has interrupted code which holds a lock. wait() is called after the program's own functions."""
     alive = list(_alive)  # before the watches end, which keep clients in memory
     _stopping.set()
     _wake_rates()
