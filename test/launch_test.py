@@ -56,7 +56,7 @@ class TestLaunch(LaunchTest):
     def test_arguments_have_defaults_and_a_description(self):
         arguments = self.launch("--ros-args")
         arguments.expect(r'number_of_minutes \(default "7"\): .*how many minutes')
-        arguments.expect(r'client \(default "true"\): false starts the server alone')
+        arguments.expect(r'client \(default "true"\): false starts only the server')
 
     def test_number_of_minutes(self):
         launch = self.launch("number_of_minutes:=1")
