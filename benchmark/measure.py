@@ -1,4 +1,4 @@
-"""What is measured. The clients are plain publishers and subscribers: actionlib's would add times of their own."""
+"""What is measured. The clients are plain publishers and subscribers: actionlib's would add delays of their own."""
 import collections
 import gc
 import os

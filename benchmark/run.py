@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Measures the action servers of this package beside a node without actionlib: ./tutorial benchmark."""
+"""Measures the action servers of this package, and a node without actionlib to compare with: ./tutorial benchmark."""
 import argparse
 import os
 import platform

@@ -1,4 +1,4 @@
-"""What the checks share: a workspace, a bare Debian, and what a check needs or else is skipped."""
+"""What the checks share: a workspace, a bare Debian, and what a check needs (without it, the check is skipped)."""
 import os
 import shutil
 import sys

@@ -12,7 +12,7 @@ from support.printed import bowls, printed_bowls
 from support.processes import Group, PACKAGE, run
 
 pytestmark = pytest.mark.needs("root", "debootstrap", "podman", "runc", "script")
-# Podman works in a container, too: there is no cgroup to be had, no network, and no limit above ours.
+# Podman works in a container, too: without cgroups, a network, or limits above ours.
 PODMAN = "podman --runtime=runc --cgroup-manager=cgroupfs --storage-driver=vfs --root={0}/images --runroot={0}/run"
 RUN = " run --network=host --ulimit=nproc=1000:1000 --ulimit=nofile={0}:{0} ".format(
     resource.getrlimit(resource.RLIMIT_NOFILE)[1])

@@ -1,4 +1,4 @@
-"""How ./tutorial fails and is interrupted, on one bare machine: each check finds it as the one before has left it."""
+"""How ./tutorial fails and is interrupted, on one bare machine: each check finds it as the previous one left it."""
 import re
 import subprocess
 
@@ -14,7 +14,7 @@ CHECKOUT = "/srv/actions_tutorial"
 @pytest.fixture(scope="module")
 def machine(debian):
     with Machine(debian("bookworm"), "learner", CHECKOUT) as machine:
-        # An Ubuntu to all that ask; what counts is what apt knows.
+        # Everything that asks takes it for an Ubuntu; what counts is what apt knows.
         (machine.path / "usr/lib/os-release").write_text('ID=ubuntu\nVERSION_ID="24.04"\n')
         yield machine
 

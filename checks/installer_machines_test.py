@@ -40,7 +40,7 @@ def test_the_first_demo_washes_seven_bowls(machine):
 
 
 def test_the_next_demo_needs_no_network_apt_or_cmake(machine):
-    machine.run(machine.tutorial, "shell", "true")  # if this test runs alone
+    machine.run(machine.tutorial, "shell", "true")  # if only this test runs
     with machine.changed("/usr/bin/apt-get"), machine.changed("/usr/bin/cmake"):
         demo = washes_seven_bowls(machine, offline=True)
     assert demo.lines[-1][0] < 20 and len(demo.lines) <= 20, str(demo)

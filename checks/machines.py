@@ -70,7 +70,7 @@ class Machine(Namespaces):
 
     def start(self, *command, user=None, terminal=False, offline=False, stdin=subprocess.DEVNULL,
               stderr=subprocess.PIPE, **env):
-        """Start a command (str …) with no variables but a few usual ones and env, on a terminal or not; offline: with
+        """Start a command (str …) with no variables except a few usual ones and env, on a terminal or not; offline: with
         no network but its loopback. -> Process"""
         user = user or self.user
         home = "/root" if user == "root" else "/home/" + user
@@ -81,13 +81,13 @@ class Machine(Namespaces):
         return super().start(*network, *(on_terminal(*words) if terminal else words), stdin=stdin, stderr=stderr)
 
     def run(self, *command, status=0, timeout=900, **options):
-        """Run a command to its end. -> Process; AssertionError if its status is another."""
+        """Run a command to its end. -> Process; AssertionError if its status differs."""
         process = self.start(*command, **options)
         assert process.wait(timeout) == status, "expected exit status %d of %s" % (status, process)
         return process
 
     def let_sudo(self, how="NOPASSWD: ALL"):
-        """Let learner use sudo, which is installed if need be."""
+        """Let learner use sudo, which is installed if necessary."""
         if not (self.path / "usr/bin/sudo").exists():
             self.run("sh", "-c", "apt-get update && apt-get install -y --no-install-recommends sudo", user="root")
         (self.path / "etc/sudoers.d/learner").write_text("learner ALL=(ALL) %s\n" % how)
@@ -107,7 +107,7 @@ class Machine(Namespaces):
             was.replace(path)
 
     def processes_in_it(self):
-        """Returns {PID in there: command line}, but for zombies, which have none."""
+        """Returns {PID in there: command line}, except for zombies, which have none."""
         found = {}
         for file in (self.path / "proc").glob("[0-9]*/cmdline"):
             with contextlib.suppress(OSError):  # it has just ended

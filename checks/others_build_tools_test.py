@@ -13,7 +13,7 @@ from support.printed import bowls, printed_bowls
 from support.processes import PACKAGE, Process, run
 
 SYSTEM = "/usr/bin:/bin"
-# Debian 13's catkin goes by the second name, all others by the first; CMake is not to complain of the unused one.
+# Debian 13's catkin goes by the second name, all others by the first; CMake should not complain about the unused one.
 FOREIGN = ("--cmake-args -DPYTHON_EXECUTABLE=/usr/bin/python3 -DPython_EXECUTABLE=/usr/bin/python3"
            " --no-warn-unused-cli")
 

@@ -77,7 +77,7 @@ def test_goal_is_lost_when_the_cable_is_pulled(computers, start, server, other):
 
 @pytest.mark.parametrize("named, other", BOTH_WAYS)
 def test_a_name_works_once_it_is_in_the_others_hosts(computers, start, named, other):
-    # A name in place of the address
+    # A name instead of the address
     env = {computer: dict(ROS_IP="", ROS_HOSTNAME=named) if computer == named else {} for computer in computers}
     start("robot", "robust_action_server.py", **env["robot"])
     waiting = start("laptop", *client(2, server_timeout=6), **env["laptop"])

@@ -6,7 +6,7 @@ from support.processes import PACKAGE
 
 PAGES = ["README.md"] + sorted(str(page.relative_to(PACKAGE)) for page in pathlib.Path(PACKAGE, "doc").rglob("*.md"))
 LESSONS = [page for page in PAGES if page.startswith("doc/lessons/")]
-EDIT = re.compile("(Save this|Change) .*`~/([^`]*)`:$")  # stands above what a reader saves
+EDIT = re.compile("(Save this|Change) .*`~/([^`]*)`:$")  # the line above what a reader saves
 
 
 def text_of(file):

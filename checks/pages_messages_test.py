@@ -1,4 +1,4 @@
-"""doc/troubleshooting.md quotes tools as they speak: messages that are cheap to cause."""
+"""doc/troubleshooting.md quotes tools as they speak: messages that are easy to cause."""
 import re
 import subprocess
 

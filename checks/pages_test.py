@@ -2,8 +2,8 @@
 programs of the lessons end as this repository's files.
 
 A block of code is quoted from the file that is linked last in the line above it, or else from the file of the block
-before it. "The whole file [NAME](PATH):" stands above a block that has all of it; in others … on a line stands for
-lines left out. pages_typed_test.py tries the blocks that a reader saves.
+before it. "The whole file [NAME](PATH):" is written above a block that has all of it; in others, … on a line stands
+for lines left out. pages_typed_test.py tries the blocks that a reader saves.
 """
 import difflib
 import json

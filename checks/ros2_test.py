@@ -45,7 +45,7 @@ client = ActionClient(node, WashTheDishes, "wash_dishes_as")
 client.wait_for_server()
 """
 CLIENTS = pytest.mark.parametrize("name", ["action_client", "busy_client"])
-# Runs a program with one text in place of another.
+# Runs a program with one text instead of another.
 REPLACED = ("import sys; file, *texts = sys.argv[1:]; del sys.argv[1:]; exec(open(file).read().replace(*texts)); "
             "sys.exit(main())")
 
@@ -71,7 +71,7 @@ class Ros2(Group):
         self.clean = enter + ["env", "-i", "HOME=%s" % home, "PATH=%s/bin:/usr/bin:/bin" % venv, "LANG=C.UTF-8",
                               "AMENT_PREFIX_PATH=%s" % venv, "CMAKE_PREFIX_PATH=%s" % venv,
                               "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST"]
-        for step in steps_of(PAGE):  # what a reader does, but for the commands that need ros2
+        for step in steps_of(PAGE):  # what a reader does, except for the commands that need ros2
             if isinstance(step, tuple):
                 edit(step[0], self.home / step[1], step[2])
             elif re.match(r"\$ (mkdir|cp|touch|cd) ", step.typed):

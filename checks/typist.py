@@ -1,7 +1,7 @@
 """Types pages from top to bottom, in real terminals, and compares the output with what they show.
 
 In a ```console block, `# Terminal N` names the terminal of what follows. `$ ` begins a command, `^C` is Ctrl-C, TAB and
-BACKSPACE are keys. The other lines are output, in which … stands for anything within a line and, alone on a line, for
+BACKSPACE are keys. The other lines are output, in which … stands for anything within a line or, on its own, for
 any lines. Output that the page does not show is a difference, too, but after ^C it may be anything until the next
 command in that terminal. A block below the line `<!-- not typed -->` is for people only. A block of another kind below
 "Save this … `~/FILE`:" is saved; below "Change … `~/FILE`:" it is a diff, with … between two places. Folded solutions

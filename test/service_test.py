@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The service to compare the action with."""
+"""The service, to compare with the action."""
 import unittest
 
 from actions_tutorial.srv import AddTwoNumbers

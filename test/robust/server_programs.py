@@ -74,7 +74,7 @@ def shutdown_server(script, hook_seconds="0"):
     and a shutdown_timeout of 2 s.
 
     hook_seconds: what a function given to rospy.on_shutdown takes. stdin: "end_main_thread" or "signal_shutdown".
-    script: what each goal does: words that are carried out one after the other. Then it calls set_preempted, with a
+    script: what each goal does: words that are carried out in turn. Then it calls set_preempted, with a
     bowl for each minute.
 
     | word | what the goal does |

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Servers, robust's client and its rate on a clock in the test's hand: it stands still unless the test turns it.
+"""Servers, robust's client and its rate on a clock that moves only when the test turns it.
 
 simulated_time.test sets /use_sim_time and starts the two nodes. TestOwnServer needs no node, and ACTIONLIB=plain in the
 environment has it try actionlib.

@@ -39,7 +39,7 @@ class ActionTest(unittest.TestCase):
 
     def start(self, goal, **callbacks):
         """Send a goal with client. actionlib's client loses an answer that comes before its send_goal returns
-        (ros/actionlib #206), so the server's process is stopped meanwhile: for tests alone, no program does this."""
+        (ros/actionlib #206), so the server's process is stopped meanwhile. Only tests do this, never a program."""
         self.server.suspend()
         try:
             eventually(lambda: self.server.status() == psutil.STATUS_STOPPED, "the server is stopped")

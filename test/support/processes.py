@@ -99,7 +99,7 @@ class Process:
         self._popen.stdin.flush()
 
     def signal(self, number):
-        """Send a signal to the process alone, as kill(1) does; SIGKILL is stop()."""
+        """Send a signal only to the process, as kill(1) does; SIGKILL is stop()."""
         if number == signal.SIGKILL:
             return self.stop()
         self._popen.send_signal(number)

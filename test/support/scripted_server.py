@@ -1,6 +1,6 @@
 """A node that serves the action `scripted` (actionlib/TestRequest) on its five topics as the goals say.
 
-result_text of a goal is its script: words that are carried out one after the other, in a thread of its own.
+result_text of a goal is its script: words that are carried out in turn, in a thread of its own.
 
 | word | what the node does |
 | --- | --- |

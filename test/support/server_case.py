@@ -12,7 +12,7 @@ from support.processes import eventually
 from support.raw_client import RawClient
 from support.states import ACTIVE
 
-PROGRAM = sys.executable, "-m", "robust.server_programs"  # a command, but for the name and arguments of the program
+PROGRAM = sys.executable, "-m", "robust.server_programs"  # a command without the name and arguments of the program
 
 
 class ServerCase(unittest.TestCase):

@@ -10,7 +10,7 @@ from support.processes import eventually
 
 
 class SimulatedClock:
-    """A /clock that stands still unless the test turns it. now: rospy.Time."""
+    """A /clock that moves only when the test turns it. now: rospy.Time."""
 
     def __init__(self):
         self._here, self._changed = None, threading.Condition()
