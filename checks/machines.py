@@ -70,8 +70,8 @@ class Machine(Namespaces):
 
     def start(self, *command, user=None, terminal=False, offline=False, stdin=subprocess.DEVNULL,
               stderr=subprocess.PIPE, **env):
-        """Start a command (str …) with no variables except a few usual ones and env, on a terminal or not; offline: with
-        no network but its loopback. -> Process"""
+        """Start a command (str …) with only a few usual variables and env, on a terminal or not; offline: with no
+        network except its loopback. -> Process"""
         user = user or self.user
         home = "/root" if user == "root" else "/home/" + user
         words = ["chroot", "--userspec=" + user, "/mnt", "env", "-i", "HOME=" + home, "LANG=C.UTF-8",
@@ -87,7 +87,7 @@ class Machine(Namespaces):
         return process
 
     def let_sudo(self, how="NOPASSWD: ALL"):
-        """Let learner use sudo, which is installed if necessary."""
+        """Let learner use sudo, which is installed if needed."""
         if not (self.path / "usr/bin/sudo").exists():
             self.run("sh", "-c", "apt-get update && apt-get install -y --no-install-recommends sudo", user="root")
         (self.path / "etc/sudoers.d/learner").write_text("learner ALL=(ALL) %s\n" % how)
