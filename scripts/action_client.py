@@ -20,7 +20,7 @@ def call_server(number_of_minutes):
     rospy.init_node("action_client")
     # Step 2: a client of the action, by its name and type.
     client = actionlib.SimpleActionClient("wash_dishes_as", WashTheDishesAction)
-    # Step 3: what is sent before the server is connected would be lost.
+    # Step 3: a goal sent before the server is connected would be lost.
     client.wait_for_server()
     # Step 4: send the goal. This returns at once, so the program could do something else meanwhile.
     goal = WashTheDishesGoal()

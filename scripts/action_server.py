@@ -9,7 +9,7 @@ class ActionServer:
     """Serves wash_dishes_as (actions_tutorial/WashTheDishesAction), one goal at a time."""
 
     def __init__(self):
-        # auto_start=False: execute_cb uses self.a_server, so no goal may come before that is set.
+        # auto_start=False: execute_cb uses self.a_server, so no goal may arrive before it is set.
         self.a_server = actionlib.SimpleActionServer(
             "wash_dishes_as", WashTheDishesAction, execute_cb=self.execute_cb, auto_start=False)
         self.a_server.start()

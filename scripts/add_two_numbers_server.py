@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The service to compare the action with: one request, one response, and the caller waits for it."""
+"""A service to compare with the action: one request, one response, and the caller waits for it."""
 from actions_tutorial.srv import AddTwoNumbers, AddTwoNumbersResponse
 import rospy
 

@@ -44,7 +44,7 @@ def main():
     parser.add_argument("--server-timeout", metavar="S", type=seconds, default=0,
                         help="seconds to wait for the server; 0: no limit (default: %(default)s)")
     parser.add_argument("--heartbeat-timeout", metavar="S", type=seconds, default=5,
-                        help="seconds of silence until the server counts as lost; 0: no limit (default: %(default)s)")
+                        help="seconds of silence before the server counts as lost; 0: no limit (default: %(default)s)")
     arguments = parser.parse_args(rospy.myargv()[1:])
     result, failure = call_server(
         arguments.number_of_minutes, arguments.server_timeout, arguments.heartbeat_timeout)
