@@ -112,7 +112,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     name, ActionSpec: the name of the action, and its type, such as WashTheDishesAction.
     execute_cb: called with each goal, one at a time, in a daemon thread. None for servers with goal callbacks.
-    auto_start: whether to start here. False is better: execute_cb could be called before the constructor returns.
+    auto_start: whether to start here. False is better: otherwise execute_cb may run before the constructor returns.
     shutdown_timeout: how long a goal has to stop when the node is shut down, in s. After that it is ABORTED.
     """
 
