@@ -59,7 +59,7 @@ def test_help_after_a_command_starts_nothing(machine, command):
     pytest.param("sudo is needed .*apt-get install", "demo", {}, id="no sudo"),
     pytest.param("connect this machine to the network", "demo", dict(user="root", offline=True), id="no network"),
     pytest.param("set TUTORIAL_WS", "demo", dict(user="root", TUTORIAL_WS="/proc/ws"), id="read-only"),
-    pytest.param("not a folder that", "clean", dict(user="root", TUTORIAL_WS="/home"), id="not its folder"),
+    pytest.param("not created by", "clean", dict(user="root", TUTORIAL_WS="/home"), id="not its folder"),
     pytest.param("there is no test nosuch; there are: action ", "test nosuch", {}, id="no such test")])
 def test_what_is_missing_is_named(machine, words, command, options):
     fails(machine, words, *command.split(), **options)
