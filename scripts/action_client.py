@@ -39,7 +39,7 @@ def main():
                         help="how many minutes to wash, one bowl a minute (default: %(default)s)")
     arguments = parser.parse_args(rospy.myargv()[1:])
     result, state, text = call_server(arguments.number_of_minutes)
-    if rospy.is_shutdown():  # Ctrl-C: the goal goes on
+    if rospy.is_shutdown():  # Ctrl-C: there is no outcome
         return 1
     if result is not None:
         print("The result is: %s" % result, flush=True)
