@@ -65,7 +65,7 @@ Locks, in the order in which they are taken:
 * server: action_server.lock, which guards the goals; then that of execute_condition, which guards new_goal; then the
   condition of the ROS clock, on which rates wait
 * client: the mutex of a goal, which guards its state; then manager.list_mutex, for which answers wait while a goal is
-  being sent. done_condition and _robust_sent are taken while no other lock is held
+  being sent. done_condition and _robust_sent are never held together with another lock
 Callbacks for goals and preempts run with the server's locks held, and active_cb with its goal's mutex, as in actionlib.
 No lock is held during execute_cb, done_cb and feedback_cb.
 """
