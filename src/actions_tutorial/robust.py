@@ -64,9 +64,9 @@ A goal in the client (CommState):
 Locks, in the order in which they are taken:
 * server: action_server.lock, which guards the goals; then that of execute_condition, which guards new_goal; then the
   condition of the ROS clock, on which rates wait
-* client: the mutex of a goal, which guards its state; then manager.list_mutex, for which answers wait while a goal is
+* client: the mutex of a goal, which guards its state; then manager.list_mutex: answers wait for it while a goal is
   being sent. done_condition and _robust_sent are never held together with another lock
-Callbacks for goals and preempts run with the server's locks held, and active_cb with its goal's mutex, as in actionlib.
+Goal and preempt callbacks run with the server's locks held, and active_cb with its goal's mutex, as in actionlib.
 No lock is held during execute_cb, done_cb and feedback_cb.
 """
 from __future__ import annotations
@@ -112,8 +112,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     name, ActionSpec: the name of the action, and its type, such as WashTheDishesAction.
     execute_cb: called with each goal, one at a time, in a daemon thread. None for servers with goal callbacks.
-    auto_start: whether to start here. False is better: otherwise execute_cb may run before the constructor returns.
-    shutdown_timeout: how long a goal has to stop when the node is shut down, in s. After that it is ABORTED.
+    auto_start: whether to start at once. False is better: otherwise execute_cb may run before the constructor returns.
+    shutdown_timeout: how many seconds a goal is given to stop when the node is shut down. After that it is ABORTED.
     """
 
     next_goal: actionlib.ServerGoalHandle  # for mypy, like those of the classes below
@@ -125,8 +125,8 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         #146). Here the thread is a daemon, so actionlib's constructor must not start it."""
         self._robust_patience = _seconds(shutdown_timeout)
         super().__init__(name, ActionSpec, execute_cb=None, auto_start=False)
-        self._robust_overtaken = None  # the last goal that should stop for a newer one
-        self._robust_in_thread = threading.local()  # .accepted: its last goal; .told: the last that a rate told to stop
+        self._robust_overtaken = None  # the last goal that was told to make way for a newer one
+        self._robust_in_thread = threading.local()  # .accepted: its last goal; .told: the last goal told to stop
         self.action_server = _ActionServer(
             name, ActionSpec, self.internal_goal_callback, self.internal_preempt_callback, auto_start=False)
         if execute_cb:
@@ -160,7 +160,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def _robust_running_goal(self):
         """Returns the goal that is ACTIVE or PREEMPTING, or None. Unlike is_active(), it takes no lock."""
-        goal = self.current_goal  # without a status_tracker before the first goal
+        goal = self.current_goal  # it has no status_tracker before the first goal
         return goal if goal.status_tracker and goal.status_tracker.status.status in _RUNNING else None
 
     def executeLoop(self) -> None:
@@ -197,7 +197,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def accept_new_goal(self) -> Any:
         """Accept the waiting goal. Returns it, or None if there is none: it may have been cancelled meanwhile. In that
-        case actionlib logs an error. It also ends every older goal with the same text. Here the text says why."""
+        case actionlib logs an error. actionlib also ends every older goal with the same text; here it says why."""
         with self.action_server.lock:
             if not self.new_goal:
                 return None
@@ -227,7 +227,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def internal_goal_callback(self, goal: actionlib.ServerGoalHandle) -> None:
         """actionlib refuses a goal whose stamp is earlier than the current goal's (ros/actionlib #203). It notifies one
-        thread, perhaps one of the program's. Here the goal that comes last wins, and all threads are notified."""
+        thread only, possibly the program's. Here the goal that arrives last wins, and all threads are notified."""
         if _stopping.is_set():
             goal.set_canceled(None, SHUTTING_DOWN)
             return
@@ -256,7 +256,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         self.next_goal = self.current_goal  # as after accept_new_goal
 
     def set_preempted(self, result: Optional[genpy.Message] = None, text: str = "") -> None:
-        """End the goal PREEMPTED.
+        """End the goal as PREEMPTED.
 
         result: None sends an empty result. text: by default, the reason why the goal should stop.
         actionlib gives no reason. When the node is shut down, it reports PREEMPTED to a client that has cancelled
@@ -319,7 +319,7 @@ class _ActionServer(ActionServer):
         super().publish_feedback(status, feedback)
 
     def initialize(self):
-        """actionlib stops publishing its status when the clock is set back (ros/ros_comm #1083). This timer goes on."""
+        """actionlib stops publishing its status when the clock is set back (ros/ros_comm #1083). This one does not."""
         super().initialize()
         if self.status_timer:
             self.status_timer.shutdown()
@@ -333,7 +333,7 @@ class _ActionServer(ActionServer):
             self.last_cancel = min(self.last_cancel, rospy.Time.now())
 
     def internal_goal_callback(self, goal):
-        """actionlib also refuses them after a cancel if the clock has since been set back (ros/actionlib #203)."""
+        """After a cancel, actionlib also refuses all goals if the clock is then set back (ros/actionlib #203)."""
         with self.lock:
             if self.last_cancel > rospy.Time.now():
                 self.last_cancel = rospy.Time()
@@ -380,7 +380,7 @@ def _wake_rates():
 
 
 class SimpleActionClient(actionlib.SimpleActionClient):
-    """An actionlib.SimpleActionClient whose state, result and callbacks agree, and that says why a goal failed.
+    """An actionlib.SimpleActionClient that keeps state, result and callbacks consistent, and says why a goal failed.
 
     ns, ActionSpec: the name of the action, and its type, such as WashTheDishesAction.
     heartbeat_timeout: in s. If neither a status that lists the goal nor feedback comes for this long, the goal is LOST,
@@ -403,7 +403,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         super().__init__(ns, ActionSpec)
         self._robust_heartbeat_timeout = limit
         self._robust_cancel_on_shutdown = cancel_on_shutdown
-        self._robust_sent = threading.Condition()  # notified when a goal is sent: the watch of an older one ends
+        self._robust_sent = threading.Condition()  # notified when a goal is sent, to end the watch on an older one
         self.action_client.manager = _GoalManager(ActionSpec)  # replaces actionlib's, which has no goals yet
         self.action_client.manager.register_send_goal_fn(self.action_client.pub_goal.publish)
         self.action_client.manager.register_cancel_fn(self.action_client.pub_cancel.publish)
@@ -415,8 +415,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         timeout: in real time; 0: no limit. Returns False after the timeout, and on shutdown.
         actionlib counts ROS time, so its method never returns while simulated time stands still (ros/actionlib #19),
         and returns at once when simulated time begins (#137). It says nothing while it waits (#35). Early feedback may
-        be lost, because rospy counts a connection a moment before messages can pass. Here real time counts, a warning
-        comes every 5 s, and new connections get another 0.2 s.
+        be lost, because rospy reports a connection before messages can pass. Here the limit is in real time, a warning
+        is logged every 5 s, and a new connection is given another 0.2 s.
         """
         seconds, begun, warned = _duration(timeout).to_sec(), time.monotonic(), 0.0
         name, topic = rospy.resolve_name(self.action_client.ns), self.action_client.feedback_sub.impl
@@ -477,11 +477,11 @@ class SimpleActionClient(actionlib.SimpleActionClient):
 
     def send_goal_and_wait(self, goal: Optional[genpy.Message], execute_timeout: Seconds = rospy.Duration(),
                            preempt_timeout: Seconds = rospy.Duration()) -> int:
-        """As in actionlib, but the timeouts may also be seconds (ros/ros_comm #1658)."""
+        """As in actionlib, but the timeouts may also be in seconds (ros/ros_comm #1658)."""
         return super().send_goal_and_wait(goal, _duration(execute_timeout), _duration(preempt_timeout))
 
     def wait_for_result(self, timeout: Seconds = rospy.Duration()) -> bool:
-        """As in actionlib, on the ROS clock, but the timeout may also be seconds. With a negative timeout, actionlib
+        """As in actionlib, on the ROS clock, but the timeout may be in seconds. With a negative timeout, actionlib
         waits forever, whereas this method returns at once."""
         return super().wait_for_result(_duration(timeout))
 
@@ -493,8 +493,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             gh.comm_state_machine.cancel()
 
     def get_state(self) -> int:
-        """In actionlib, the state is terminal before the result has come (ros/actionlib #116), and LOST while a goal is
-        being sent. Here it is PENDING or ACTIVE until the result has come."""
+        """In actionlib, the state is terminal before the result arrives (ros/actionlib #116), and LOST while a goal is
+        being sent. Here it is PENDING or ACTIVE until the result has arrived."""
         with self.action_client.manager.list_mutex:
             state = super().get_state()
             if self.gh and self.gh.get_comm_state() != CommState.DONE:
@@ -604,11 +604,11 @@ class _GoalManager(GoalManager):
 class _CommStateMachine(CommStateMachine):
     """What a client knows about a goal that it has sent."""
 
-    is_heard = True  # whether there was a sign of life since the watch last looked
+    is_heard = True  # whether there has been a sign of life since the watch last looked
     unlisted_since: Optional[float] = None  # time.monotonic()
 
     def update_status(self, status_array):
-        """In actionlib, a goal is LOST after one status without it, even if that status is older than the goal, and a
+        """In actionlib, a goal is LOST if one status omits it, even if that status is older than the goal, and a
         lost result is awaited forever (ros/actionlib #181). Here both have limits in seconds."""
         with self.mutex:
             if any(one.goal_id.id == self.action_goal.goal_id.id for one in status_array.status_list):
@@ -659,7 +659,7 @@ class _CommStateMachine(CommStateMachine):
         self.transition_to(CommState.WAITING_FOR_CANCEL_ACK)
 
     def lose(self, text):
-        """End the goal LOST, unless it is over."""
+        """End the goal as LOST, unless it is already over."""
         with self.mutex:
             if self.state != CommState.DONE:
                 self.latest_goal_status = GoalStatus(self.action_goal.goal_id, GoalStatus.LOST, text)
@@ -678,7 +678,7 @@ def _duration(timeout):
 
 
 def _check(message):
-    """Serialize a message as a trial. If it cannot be serialized, rospy would leave half of it in its buffer, and send
+    """Serialize a message as a test. If it cannot be serialized, rospy would leave half of it in its buffer, and send
     that with the next message. Raises rospy.ROSSerializationException."""
     try:
         message.serialize(io.BytesIO())
@@ -705,13 +705,13 @@ def _start(callback, *args):
     thread = threading.Thread(target=_call, args=[callback, *args], daemon=True)
     try:
         thread.start()
-    except RuntimeError:  # Python 3.12 starts no thread during the shutdown of the interpreter
+    except RuntimeError:  # Python 3.12 cannot start a thread during interpreter shutdown
         thread.run()
     return thread
 
 
 def _on_shutdown():
-    """End the goals of all servers and clients, in parallel. Threads do this, because this function may run in a signal
+    """End the goals of all servers and clients, in parallel. Uses threads, because this function may run in a signal
     handler that has interrupted code which holds a lock. wait() is called after the program's own functions."""
     alive = list(_alive)  # before the watches end, which keep clients in memory
     _stopping.set()
