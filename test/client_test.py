@@ -137,6 +137,15 @@ class TestActionClient(ClientTests, unittest.TestCase):
         self.assertNotIn("The result is", client.stdout, client)
         self.raw.check_outcome(goal_id, SUCCEEDED, bowls(6))
 
+    def test_recalled_goal_exits_with_1(self):
+        raw = RawClient("/recalls").wait_connected(self.nodes.node(self.server_script, ROS_NAMESPACE="/recalls"))
+        self.addCleanup(raw.close)
+        raw.cancel("another", rospy.Time.now() + rospy.Duration(100))  # this server then refuses goals until that time
+        raw.wait(lambda: "another" in raw.states, "the cancel has come")
+        client = self.client("3", ROS_NAMESPACE="/recalls")
+        self.assertEqual(1, client.wait(), client)
+        self.assertIn("RECALLED: ", client.stderr, client)
+
     def test_goal_is_lost_with_a_server_that_starts_again(self):
         server = self.nodes.node(self.server_script, ROS_NAMESPACE="/again")
         client = self.client("600", ROS_NAMESPACE="/again")

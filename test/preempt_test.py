@@ -33,12 +33,13 @@ class TestPreempt(ActionTest):
 
     # Two bowls, or a server that looks for a cancel at every other bowl would pass.
     @parameterized.expand([
-        ("after_an_odd_bowl", 1, lambda client: client.cancel_goal()),
-        ("after_an_even_bowl", 2, lambda client: client.cancel_goal()),
-        ("of_all_goals", 1, lambda client: client.cancel_all_goals()),
-        ("up_to_now", 1, lambda client: client.cancel_goals_at_and_before_time(rospy.Time.now()))])
-    def test_cancel_stops_the_goal_within_the_servers_time(self, _, until, cancel):
-        washed = self.wash(5, until)
+        ("after_an_odd_bowl", 5, 1, lambda client: client.cancel_goal()),
+        ("after_an_even_bowl", 5, 2, lambda client: client.cancel_goal()),
+        ("before_the_last_bowl", 3, 2, lambda client: client.cancel_goal()),
+        ("of_all_goals", 5, 1, lambda client: client.cancel_all_goals()),
+        ("up_to_now", 5, 1, lambda client: client.cancel_goals_at_and_before_time(rospy.Time.now()))])
+    def test_cancel_stops_the_goal_within_the_servers_time(self, _, minutes, until, cancel):
+        washed = self.wash(minutes, until)
         begun = time.monotonic()
         cancel(self.client)
         self.check_outcome(PREEMPTED, washed)

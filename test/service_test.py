@@ -21,7 +21,7 @@ class TestService(unittest.TestCase):
 
     @parameterized.expand([
         ("positive", 1.5, 2.25, 3.75), ("negative", 1.5, -2.25, -0.75), ("many_decimals", 1.5, 2**-20, 1.5 + 2**-20),
-        ("large", 1e30, 0, 1.0000000150474662e+30)])
+        ("large", 1e30, 0, 1.0000000150474662e+30), ("small", 2**-24, 2**-24, 2**-23)])
     def test_sum(self, _, a, b, total):
         self.assertEqual(total, self.add_two_numbers(a, b).sum)
 
