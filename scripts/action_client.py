@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The action client of the posts: sends one goal, and prints its feedback and result."""
+"""The action client from the posts: sends one goal, and prints its feedback and result."""
 import argparse
 import sys
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The action server of the posts: washes dishes, one bowl a second."""
+"""The action server from the posts: washes dishes, one bowl a second."""
 import actionlib
 from actions_tutorial.msg import WashTheDishesAction, WashTheDishesFeedback, WashTheDishesResult
 import rospy

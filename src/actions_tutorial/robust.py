@@ -66,8 +66,8 @@ Locks, in the order in which they are taken:
   condition of the ROS clock, on which rates wait
 * client: the mutex of a goal, which guards its state; then manager.list_mutex: answers wait for it while a goal is
   being sent. done_condition and _robust_sent are never held together with another lock
-Goal and preempt callbacks run with the server's locks held, and active_cb with its goal's mutex, as in actionlib.
-No lock is held during execute_cb, done_cb and feedback_cb.
+Goal and preempt callbacks run with the server's locks held, and active_cb with its goal's mutex, as in actionlib. No
+lock is held during execute_cb, done_cb, feedback_cb, and the preempt callback that a shutdown calls.
 """
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ _settled: weakref.WeakSet = weakref.WeakSet()  # the connections for which wait_
 
 
 class SimpleActionServer(actionlib.SimpleActionServer):
-    """An actionlib.SimpleActionServer that starts and stops goals without delay. Each goal gets an outcome with a text.
+    """An actionlib.SimpleActionServer that starts and stops goals without delay. Each outcome has a status text.
 
     name, ActionSpec: the name of the action, and its type, such as WashTheDishesAction.
     execute_cb: called with each goal, one at a time, in a daemon thread. None for servers with goal callbacks.
@@ -165,7 +165,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def executeLoop(self) -> None:
         """actionlib's loop polls (ros/actionlib #164), notices a new goal up to 0.1 s late (#212), and ends for good
-        after SystemExit, or when action_server.stop() is called while a goal runs and another one waits. This one waits
+        after SystemExit, or when action_server.stop() is called while a goal runs and another waits. This loop waits
         on the condition, and carries on."""
         while True:
             with self.execute_condition:  # 2 s, since some programs set need_to_terminate without notifying
@@ -197,7 +197,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def accept_new_goal(self) -> Any:
         """Accept the waiting goal. Returns it, or None if there is none: it may have been cancelled meanwhile. In that
-        case actionlib logs an error. actionlib also ends every older goal with the same text; here it says why."""
+        case actionlib logs an error. actionlib also gives all older goals the same text; here the text says why."""
         with self.action_server.lock:
             if not self.new_goal:
                 return None
@@ -300,7 +300,7 @@ class _ActionServer(ActionServer):
 
     def publish_result(self, status, result):
         """Publishes every outcome. In actionlib, a client waits forever for a result that cannot be serialized. Here
-        the goal is ABORTED instead. An outcome without a text gets one."""
+        the goal is ABORTED instead. An outcome without a status text gets a default one."""
         status.text = status.text or _TEXTS.get(status.status, "")
         try:
             _check(self.ActionResult(status=status, result=result))
@@ -385,7 +385,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
     ns, ActionSpec: the name of the action, and its type, such as WashTheDishesAction.
     heartbeat_timeout: in s. If neither a status that lists the goal nor feedback comes for this long, the goal is LOST,
         and a cancel is sent in case the server is still running. A server sends its status five times a second. Time
-        during which the ROS clock or this process stands still does not count. None: no limit.
+        during which the ROS clock or this process is stopped does not count. None: no limit.
     cancel_on_shutdown: whether to cancel the goal when this node is shut down, and wait up to 2 s for its outcome. From
         then on, send_goal raises rospy.ROSInterruptException.
     Timeouts are Durations or seconds. Raises ValueError if heartbeat_timeout is not above 0.
@@ -455,7 +455,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
 
         goal: a message such as WashTheDishesGoal; None sends an empty goal. done_cb: called with the outcome (int, as
         in GoalStatus) and the result, in a thread of its own. active_cb: called when the goal has started.
-        feedback_cb: called with each feedback; the last one may come after done_cb.
+        feedback_cb: called with each feedback message; the last one may come after done_cb.
         Raises TypeError for a goal of another type, and rospy.ROSSerializationException for one that cannot be sent.
         In actionlib, a goal that cannot be sent corrupts the next one, and an answer that comes before this method
         returns is dropped (ros/actionlib #206). Here the answer waits for list_mutex until gh is set.
@@ -555,7 +555,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             before, ros_before, now, ros = now, ros, time.monotonic(), rospy.get_time()
             if goal.is_heard:
                 goal.is_heard, silence = False, 0.0
-            elif ros != ros_before and now - before < 2 * tick:  # neither the clock nor this process stood still
+            elif ros != ros_before and now - before < 2 * tick:  # neither the clock nor this process was stopped
                 silence += now - before
             if silence >= limit:
                 with goal.mutex, self.action_client.manager.list_mutex:  # no other goal is sent meanwhile
@@ -609,7 +609,7 @@ class _CommStateMachine(CommStateMachine):
 
     def update_status(self, status_array):
         """In actionlib, a goal is LOST if one status omits it, even if that status is older than the goal, and a
-        lost result is awaited forever (ros/actionlib #181). Here both have limits in seconds."""
+        lost result is awaited forever (ros/actionlib #181). Here both have time limits."""
         with self.mutex:
             if any(one.goal_id.id == self.action_goal.goal_id.id for one in status_array.status_list):
                 self.is_heard, self.unlisted_since = True, None
@@ -678,7 +678,7 @@ def _duration(timeout):
 
 
 def _check(message):
-    """Serialize a message as a test. If it cannot be serialized, rospy would leave half of it in its buffer, and send
+    """Serialize a message as a test. If that failed on sending, rospy would leave half of it in its buffer, and send
     that with the next message. Raises rospy.ROSSerializationException."""
     try:
         message.serialize(io.BytesIO())
@@ -713,7 +713,7 @@ def _start(callback, *args):
 def _on_shutdown():
     """End the goals of all servers and clients, in parallel. Uses threads, because this function may run in a signal
     handler that has interrupted code which holds a lock. wait() is called after the program's own functions."""
-    alive = list(_alive)  # before the watches end, which keep clients in memory
+    alive = list(_alive)  # before the watches, which keep clients in memory, end
     _stopping.set()
     _wake_rates()
     deadline, threads = time.monotonic(), []
