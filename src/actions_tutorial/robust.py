@@ -116,7 +116,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
     shutdown_timeout: how many seconds a goal is given to stop when the node is shut down. After that it is ABORTED.
     """
 
-    next_goal: actionlib.ServerGoalHandle  # for mypy, like those of the classes below
+    next_goal: actionlib.ServerGoalHandle  # for mypy, like the annotations in the classes below
     execute_callback: Any
 
     def __init__(self, name: str, ActionSpec: type, execute_cb: Optional[Callable[[Any], Any]] = None,
@@ -144,7 +144,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
         hz: 1/s, on the ROS clock. A loop that goes on after False keeps its pace: sleep() then returns False at the end
         of each period. In the thread that accepts the goals, such as that of execute_cb, a rate serves one goal after
         another. In another thread it belongs to the goal that was active when the rate was created, and sleep() also
-        returns False once that goal is over. Then return without set_preempted, which would end the newer goal.
+        returns False once that goal is over. In that case, return without set_preempted: it would end the newer goal.
         """
         return _Rate(hz, self)
 
@@ -197,7 +197,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def accept_new_goal(self) -> Any:
         """Accept the waiting goal. Returns it, or None if there is none: it may have been cancelled meanwhile. In that
-        case actionlib logs an error. actionlib also gives all older goals the same text; here the text says why."""
+        case actionlib logs an error. actionlib also gives all older goals the same text; here it gives the reason."""
         with self.action_server.lock:
             if not self.new_goal:
                 return None
@@ -227,7 +227,7 @@ class SimpleActionServer(actionlib.SimpleActionServer):
 
     def internal_goal_callback(self, goal: actionlib.ServerGoalHandle) -> None:
         """actionlib refuses a goal whose stamp is earlier than the current goal's (ros/actionlib #203). It notifies one
-        thread only, possibly the program's. Here the goal that arrives last wins, and all threads are notified."""
+        waiting thread, perhaps the wrong one. Here the goal that arrives last wins, and all threads are notified."""
         if _stopping.is_set():
             goal.set_canceled(None, SHUTTING_DOWN)
             return
@@ -319,7 +319,7 @@ class _ActionServer(ActionServer):
         super().publish_feedback(status, feedback)
 
     def initialize(self):
-        """actionlib stops publishing its status when the clock is set back (ros/ros_comm #1083). This one does not."""
+        """actionlib stops publishing its status when the clock is set back (ros/ros_comm #1083). Here it carries on."""
         super().initialize()
         if self.status_timer:
             self.status_timer.shutdown()
@@ -327,13 +327,15 @@ class _ActionServer(ActionServer):
                 rospy.Duration(1 / self.status_frequency), self.publish_status_async, reset=True)
 
     def internal_cancel_callback(self, goal_id):
-        """After a cancel stamped in the future, actionlib refuses all goals until that time (ros/actionlib #117)."""
+        """After a cancel stamped in the future, actionlib refuses all goals until that time (ros/actionlib #117). Here the
+        cancel applies up to now."""
         with self.lock:
             super().internal_cancel_callback(goal_id)
             self.last_cancel = min(self.last_cancel, rospy.Time.now())
 
     def internal_goal_callback(self, goal):
-        """After a cancel, actionlib also refuses all goals if the clock is then set back (ros/actionlib #203)."""
+        """After a cancel, actionlib also refuses all goals if the clock is then set back (ros/actionlib #203). Here
+        it is forgotten."""
         with self.lock:
             if self.last_cancel > rospy.Time.now():
                 self.last_cancel = rospy.Time()
@@ -503,7 +505,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             return state
 
     def get_failure(self) -> Optional[str]:
-        """Returns None if the goal SUCCEEDED, else one line: its state and the server's text, or why there is none."""
+        """Returns None if the goal SUCCEEDED, else one line: its state and the server's text, or why
+        there is no outcome."""
         state = self.get_state()
         if self._robust_no_server or not self.gh:
             return self._robust_no_server or "no goal was sent, or it is no longer tracked"
@@ -537,7 +540,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             self.done_condition.notify_all()
 
     def _handle_feedback(self, gh, feedback):
-        """actionlib logs an error for a goal that was replaced, and so does rospy if feedback_cb raises."""
+        """actionlib logs an error for a goal that was replaced, and so does rospy if feedback_cb raises.
+        Here only the latter is logged."""
         if gh == self.gh:
             _call(super()._handle_feedback, gh, feedback)
 
@@ -678,7 +682,7 @@ def _duration(timeout):
 
 
 def _check(message):
-    """Serialize a message as a test. If that failed on sending, rospy would leave half of it in its buffer, and send
+    """Serialize a message as a test. If this failed in publish(), rospy would leave half of it in its buffer, and send
     that with the next message. Raises rospy.ROSSerializationException."""
     try:
         message.serialize(io.BytesIO())
