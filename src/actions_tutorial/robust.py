@@ -327,8 +327,8 @@ class _ActionServer(ActionServer):
                 rospy.Duration(1 / self.status_frequency), self.publish_status_async, reset=True)
 
     def internal_cancel_callback(self, goal_id):
-        """After a cancel stamped in the future, actionlib refuses all goals until that time (ros/actionlib #117). Here the
-        cancel applies up to now."""
+        """After a cancel stamped in the future, actionlib refuses all goals until that time (ros/actionlib #117). Here
+        the cancel applies up to now."""
         with self.lock:
             super().internal_cancel_callback(goal_id)
             self.last_cancel = min(self.last_cancel, rospy.Time.now())
