@@ -470,8 +470,11 @@ class SimpleActionClient(actionlib.SimpleActionClient):
         _check(self.action_client.ActionGoal(goal=goal))
         with self.action_client.manager.list_mutex:
             self._robust_is_sending = True  # read if Ctrl-C comes before gh is set
-            super().send_goal(goal, done_cb, active_cb, feedback_cb)
-            self._robust_is_sending, self._robust_no_server, gh = False, None, self.gh
+            try:
+                super().send_goal(goal, done_cb, active_cb, feedback_cb)
+            finally:
+                self._robust_is_sending = False
+            self._robust_no_server, gh = None, self.gh
         with self._robust_sent:
             self._robust_sent.notify_all()
         if self._robust_heartbeat_timeout < float("inf") or self._robust_cancel_on_shutdown:
@@ -505,8 +508,8 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             return state
 
     def get_failure(self) -> Optional[str]:
-        """Returns None if the goal SUCCEEDED, else one line: its state and the server's text, or why
-        there is no outcome."""
+        """Returns None if the goal SUCCEEDED, else one line: its state and the server's text, or why there is no
+        outcome."""
         state = self.get_state()
         if self._robust_no_server or not self.gh:
             return self._robust_no_server or "no goal was sent, or it is no longer tracked"
@@ -540,8 +543,7 @@ class SimpleActionClient(actionlib.SimpleActionClient):
             self.done_condition.notify_all()
 
     def _handle_feedback(self, gh, feedback):
-        """actionlib logs an error for a goal that was replaced, and so does rospy if feedback_cb raises.
-        Here only the latter is logged."""
+        """actionlib logs an error for a goal that was replaced. Here only what feedback_cb raises is logged."""
         if gh == self.gh:
             _call(super()._handle_feedback, gh, feedback)
 
